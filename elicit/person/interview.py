@@ -36,7 +36,8 @@ The other replies are:
     will be added; until then ask again).
 ``answers``
     The reply has ``answers``, oldest first, each with ``id``, ``number``, ``sentence``,
-    ``verdict``, ``time``, ``withdrawn``, ``used`` and ``repeat``, and ``conflicts``, lists of ids.
+    ``shown`` (both sides in words), ``verdict``, ``time``, ``withdrawn``, ``used`` and ``repeat``,
+    and ``conflicts``, lists of ids.
 ``report``
     The reply has ``html``, a page to keep, and ``name`` for its file.
 ``download``
@@ -115,7 +116,7 @@ from elicit.person.background import Background
 from elicit.person.course.conclusion import Conclusion, Facts, in_unit
 from elicit.person.course.conduct import ORDER, Conduct, choice_of, differs
 from elicit.person.course.files import answer_row, as_csv, as_json
-from elicit.person.course.further import known_question, level_question, order_question
+from elicit.person.course.further import LEVEL, known_question, level_question, order_question
 from elicit.person.findings import asked_levels, certainty, scale_rows
 from elicit.person.look_ahead import LookAhead
 from elicit.person.outlook import Outlook
@@ -137,6 +138,7 @@ _MORE_AFTER_CAUTION = 10  # answers until a caution that the person passed over 
 _BUDGETS = ((8, "about 3 minutes"), (15, "about 5 minutes"), (30, "about 10 minutes"))
 _ORDER_AFTER = 4  # answers before the question about the order of two levels
 _LONGEST_NAME = 80
+_FURTHER = "This question makes sure that the result does not depend on too few answers."
 
 
 def _no_more(_: Any) -> list[str]:
@@ -795,7 +797,8 @@ class Interview(Closing):
         now = self._beside
         outlook = now.outlook if now is not None and now.shown == id else None
         if outlook is None:
-            return {"id": id, "why": [], "to_come": None, "ready": True}
+            why = [_FURTHER] if id.startswith(LEVEL) and not self._more else []
+            return {"id": id, "why": why, "to_come": None, "ready": True}
         ready = outlook.ready  # read first: whatever is there by then stays
         answers, checks = self._needed
         to_come = (
@@ -815,6 +818,7 @@ class Interview(Closing):
                 "id": entry.answer.query.id,
                 "number": number,
                 "sentence": self._sentence(entry),
+                "shown": _in_words(self._as_put(entry)),
                 "verdict": entry.answer.verdict,
                 "time": entry.metadata.get("time"),
                 "withdrawn": entry.retracted,
@@ -1006,6 +1010,13 @@ class Interview(Closing):
 
 def _shown(subject: Subject, query: Query) -> Shown:
     return show(query, subject.words, subject.of, subject.seed, subject.labels)
+
+
+def _in_words(shown: Shown) -> str:
+    """Return both sides of a question in words, as they were shown."""
+    a = ", ".join(f"{row.a:,} {row.label}" for row in shown.rows if row.a)
+    b = ", ".join(f"{row.b:,} {row.label}" for row in shown.rows if row.b)
+    return f"A: {a or 'nothing'}. B: {b or 'nothing'}. (Of {shown.of:,} {shown.words.unit}.)"
 
 
 def _in_whole_numbers(

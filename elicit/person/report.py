@@ -29,6 +29,7 @@ thead th, thead td { font-size: .85rem; color: #4a5864; border-top: 0; vertical-
 svg { display: block; width: 100%; overflow: visible; }
 .conflict { border: 1.5px solid #b45f00; background: #fff4dc; border-radius: 8px; padding: .2rem 1rem;
   margin: .8rem 0; }
+.shown { font-size: .85rem; }
 .headline { font-size: 1.35rem; font-weight: 700; line-height: 1.3; margin-top: 1rem; }
 .caution { border-left: 4px solid #b45f00; background: #fff4dc; padding: .4rem .8rem; }
 dl { display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1rem; font-size: .85rem; color: #4a5864; }
@@ -282,6 +283,8 @@ def _answers(
             "asked again as a check": one["repeat"],
         }
         said = _text(one["sentence"]) if stands else f"<s>{_text(one['sentence'])}</s>"
+        if one.get("shown"):
+            said += f'<br><span class="soft shown">{_text(one["shown"])}</span>'
         when = _text((one["time"] or "")[:16].replace("T", " "))
         noted = ", ".join(words for words, holds in remarks.items() if holds)
         yield (

@@ -16,6 +16,8 @@ from elicit.model.query import Query
 from elicit.model.scale import Floats
 from elicit.person.course.conduct import ORDER
 
+LEVEL = "level/"
+"""Start of the id of a question about a level."""
 _NARROW = 0.02  # width of an interval, from 0 (worst) to 1 (best), that is not worth a question
 _APART = 0.05  # difference, of the same scale, that a question about what is known has at least
 _GRID = 1e-6  # on which widths are compared, so that no rounding decides
@@ -154,5 +156,5 @@ def _query(k: int, level: int, pair: _Pair, count: int, total: int) -> Query:
     mixture = np.zeros(k)
     mixture[pair.high] = count / total
     mixture[pair.low] = (total - count) / total
-    name = f"level/{level}/{pair.low}-{pair.high}/{count} of {total}"
+    name = f"{LEVEL}{level}/{pair.low}-{pair.high}/{count} of {total}"
     return Query(name, np.eye(k)[level], mixture)

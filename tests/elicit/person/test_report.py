@@ -1,5 +1,6 @@
 """The report that a person keeps: all that was said, in a page that needs nothing else."""
 
+import re
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -63,6 +64,7 @@ def test_a_report_holds_every_answer_and_nothing_that_runs_or_is_elsewhere(tmp_p
     assert "2 answers (1 equally good, 1 cannot tell)." in page.text
     assert "cannot tell" in page.text
     assert '10 not "well" as good as ' in page.text
+    assert re.search(r"A: [^.]*\. B: [^.]*\. \(Of 10 people\.\)", page.text)
     assert "died & <i>gone</i> " in page.text
     log = AnswerLog.read(tmp_path / "mine.jsonl")
     assert f"in the file mine.jsonl, whose last line has the checksum {log.checksum}" in page.text

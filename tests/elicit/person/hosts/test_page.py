@@ -340,7 +340,7 @@ def test_what_is_computed_beside_is_asked_for_until_it_is_there(windows: Windows
     replies = [
         {"why": [], "to_come": None, "ready": False},
         {
-            "why": ["It is still open how <i>you</i> weigh this."],
+            "why": ["We don't know how <i>you</i> weigh this."],
             "to_come": [10, 20],
             "ready": True,
         },
@@ -359,9 +359,9 @@ def test_what_is_computed_beside_is_asked_for_until_it_is_there(windows: Windows
         page = windows.open(server)
         page.route("**/api", outlook)
         practise(page)
-        page.get_by_text("about 10 to 20 more").wait_for()
+        page.get_by_text("about 10 to 20 more, up to ").wait_for()
         page.click("summary")
-        assert page.inner_text(".why p") == "It is still open how <i>you</i> weigh this."
+        assert page.inner_text(".why p") == "We don't know how <i>you</i> weigh this."
         click(page, "a")
         at(page, "Question 2")
         assert "more" not in page.inner_text(".place")
