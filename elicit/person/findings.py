@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from elicit.model.comparator import Comparator, best_guess, bounds_of, trusted_share
+from elicit.model.scale import tail_sums
 from elicit.person.showing import printable
 from elicit.tutors.answer_log import Entry
 
@@ -27,11 +28,15 @@ class ScaleRow(NamedTuple):
 
 
 def asked_levels(log: Iterable[Entry]) -> set[int]:
-    """Return the levels (0 the worst) that an answer is about which stands, is used, and says more
-    than "cannot tell".
-    """
-    d = [entry.answer.query.d for entry in log if entry.used and entry.answer.verdict is not None]
-    return set(np.flatnonzero((np.array(d) != 0).any(axis=0)).tolist()) if d else set()
+    """Return the levels (0 the worst) that an answer is about.
+
+    The answer stands, is used, and says more than "cannot tell" and than the order of the levels
+    does."""
+    said = [
+        entry.answer.query.d for entry in log if entry.used and entry.answer.verdict is not None
+    ]
+    d = np.array([row for row in said if (tail_sums(row) > 0).any() and (tail_sums(row) < 0).any()])
+    return set(np.flatnonzero((d != 0).any(axis=0)).tolist()) if len(d) else set()
 
 
 def scale_rows(

@@ -30,6 +30,7 @@ export function mount(root, send, options = {}) {
   let following = 0;
   let untouched = 0; // a timer
   let letters = remembered(); // whether single letters answer
+  let expected = null; // questions in all, as it looked last
   let asked = 0; // questions answered in this window, and the seconds that they took, for the time left
   let took = 0;
   let since = 0;
@@ -198,7 +199,8 @@ export function mount(root, send, options = {}) {
   // How far the interview is: of the questions that the person planned, or of those that it will likely take.
   function fill(most) {
     const done = screen.answered;
-    const all = screen.budget ?? (most === null ? null : done + 1 + most);
+    if (most !== null) expected = done + 1 + most;
+    const all = screen.budget ?? expected;
     bar.firstChild.style.width = screen.stage === "end" ? "100%" : all ? `${Math.min(100, (100 * done) / all)}%` : "0";
     bar.hidden = ["welcome", "practice"].includes(screen.stage);
   }
