@@ -23,7 +23,7 @@ from elicit.model.comparator import tie_of
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 from elicit.person.asker import AfterAnswer, Asker, Audits, Compares, MakeAsker, counts, last_answer
 from elicit.person.course.conduct import SETTLED, differs, repeats_in
-from elicit.person.repeats import Repeats
+from elicit.person.course.repeats import Repeats
 from elicit.person.replayed_asker import ReplayedAsker
 from elicit.person.substitution import Instead, substitute
 from elicit.tutors.answer_log import EXPECTED, REPEATS, RESOLVED, AnswerLog, Entry

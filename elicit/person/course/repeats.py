@@ -5,7 +5,6 @@ from dataclasses import replace
 
 from elicit._support.hashing import Seed, fold, key_of, name_code, uniform
 from elicit.model.query import Answer, Query
-from elicit.person.asker import last_answer
 from elicit.person.course.conduct import ORDER, SETTLED, Conduct, repeats_in
 from elicit.tutors.answer_log import REPEATS, AnswerLog
 
@@ -93,4 +92,5 @@ class Repeats:
     def first_answer(self, query: Query) -> Answer | None:
         """Return the answer that was given to a repeated query the first time."""
         standing = [entry for entry in self._log if not entry.retracted]
-        return last_answer(standing, query.id.removesuffix(_AGAIN))
+        id = query.id.removesuffix(_AGAIN)
+        return next((e.answer for e in reversed(standing) if e.answer.query.id == id), None)
