@@ -140,6 +140,8 @@ def test_a_session_by_mouse_and_keyboard_goes_on_after_a_reload_and_each_answer_
         page.on("console", lambda line: line.type == "error" and complaints.append(line.text))
         opened(page, url)
         run_cell(page, 0)
+        page.locator(".elicit h1", has_text="Teach the program").wait_for(timeout=PATIENCE)
+        page.locator(".elicit .form .pick:enabled").click()
         page.locator(".elicit h1", has_text="Practice").wait_for(timeout=PATIENCE)
         page.locator(f".elicit [data-choice={truthful(page)}]").click()
         assert stands(page, 0)
