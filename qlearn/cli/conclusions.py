@@ -48,7 +48,10 @@ def policy_conclusion(
     bound = result.loss_bound
     settled = bound <= told.tolerance
     most = told.loss(bound)
-    if settled:
+    if np.isnan(bound):
+        headline = "How much your plan could lose cannot be stated."
+        after = "Another comparator can state it."
+    elif settled:
         headline = f"Your plan is settled. It loses at most as much as {most}."
         after = "You can stop here. More answers would narrow the values below."
     else:
@@ -167,12 +170,12 @@ def choice_conclusion(
     """Return what a choice says in words."""
     most, sure = told.loss(result.loss_bound), _sure(result.confidence)
     settled = result.status in (Status.DONE, Status.CALLED_EQUAL)
-    if result.status is Status.DONE:
-        headline = f"Your choice is “{result.name}”."
-        after = f"No other alternative is better by more than {most}."
-    elif settled:
-        headline = f"Your choice is “{result.name}”, as far as you tell them apart."
-        after = f"No other alternative is better by more than {most}."
+    no_better = "No other alternative is better"
+    no_better += f" by more than {most}." if result.loss_bound > 0 else "."
+    if settled:
+        as_far = "" if result.status is Status.DONE else ", as far as you tell them apart"
+        headline = f"Your choice is “{result.name}”{as_far}. {no_better}"
+        after = "You can stop here."
     else:
         headline = f"The choice is open. The best guess so far is “{result.name}”."
         after = f"Another alternative may be better by as much as {most}. More answers help."

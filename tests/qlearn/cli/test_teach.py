@@ -275,7 +275,8 @@ def test_a_choice_from_a_csv(lets_answer: Callable[..., str], tmp_path: Path) ->
         r"of 10 patients are the same in both groups: [1-9] (well|ill|died)",
         " ".join(shown.split()),
     )
-    assert "Your choice is “new”" in shown  # 6.3, and the others 5.9 and 3.4
+    said = " ".join(shown.split())
+    assert "Your choice is “new”, as far as you tell them apart. No other alternative" in said
     assert "(Rounded" not in shown
     log = AnswerLog.read(tmp_path / "answers-care.jsonl")
     assert log.header["unit"] == "patients"
