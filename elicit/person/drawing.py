@@ -354,7 +354,8 @@ class Drawing:
         found = self._concluded()
         conduct = Conduct.of([*session.log])
         over = session.question() is None
-        left = not over or (bool(subject.least) and self._level_question() is not None)
+        may_add = bool(subject.least) and session.makes_askers
+        left = not over or (may_add and self._level_question() is not None)
         caution = conduct.caution(at_end=True) if subject.least else None
         headline, after, said = found.headline, found.next, [*found.statements]
         start = self._at_start() if found.headline else None
