@@ -176,6 +176,26 @@ def test_after_few_answers_only_what_holds_for_every_plausible_scale_is_claimed(
         assert unknown == [not row["asked"] for row in end["scale"]]
 
 
+@pytest.mark.slow
+def test_with_a_posterior_changes_are_listed_if_they_hold_with_its_confidence() -> None:
+    told, listed = taught("posterior"), 0
+    with (
+        Session(told.make, AnswerLog(), audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        Person(interview, truthful(np.array([0, 0.02, 0.1, 0.9, 1.0]))).until("end", MOST)
+        end = interview.handle({"do": "finish"})["end"]
+        result = session.result()
+        names = {MDP.state_name(s): s for s in range(MDP.n_states)}
+        for state, other, mine in end["changes"]["rows"]:
+            s, (a, b) = names[state], (int(mine), int(other))
+            d = (result.q[s, a] - result.q[s, b])[None, :]
+            assert result.comparator.probability(d)[0] >= 0.95 - 1e-9
+            listed += 1
+        assert listed
+        assert end["sure"] == "This holds with 95% probability."
+
+
 def test_where_nothing_is_at_stake_nothing_is_asked_and_that_is_said() -> None:
     told = taught(tolerance=0.9)
     with (
