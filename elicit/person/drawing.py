@@ -363,6 +363,9 @@ class Drawing:
             headline = (
                 "You have not said yet which is better, so nothing is known about your values."
             )
+        elif found.settled and not over and caution is None:
+            headline = found.early or f"You stopped early. {found.headline}"
+            after = "More answers would show whether this holds."
         elif found.headline and caution is not None:
             headline = "Do not rely on this result."
             after = "Take back what you do not mean, or answer more questions."
@@ -380,6 +383,7 @@ class Drawing:
             "caution": caution,
             "settled": found.settled and caution is None and over,
             "more": left,
+            "finished": over,
             "open": f"There is no finer question in whole numbers. {subject.finer}".strip()
             if open_still
             else None,

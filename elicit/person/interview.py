@@ -81,16 +81,15 @@ and ``label``. An offer has ``heading``, ``text`` and ``options``, each with ``o
 ``label``.
 
 The end has ``headline``, ``sure``, ``next``, ``before`` (texts), ``caution`` (a sentence on why the
-answers say little, or null), ``settled``, ``more`` (true if something is left to ask), ``open``
-(the reason why there is no question though more could be asked, or null), ``scale`` (rows, best
-level first: ``label``, ``value``, ``low``, ``high``, from 0 to 100, and ``asked``, false for a
-level that no answer is about), ``certainty`` (of the intervals), ``statements``, ``changes``
-(``title``, ``note``, ``columns``, ``rows``, or null), ``downloads``, ``facts`` (pairs), ``limits``,
-``counts`` and ``conflicts`` (lists of ``id``, ``number`` and ``sentence``). ``counts`` has
-``answered``, with ``equal``, ``cannot tell`` and ``unused`` among them; ``withdrawn``; and
-``repeated``, the questions that were put again, which nothing else counts, with ``alike`` of them
-answered as before.
-"""
+answers say little, or null), ``settled``, ``finished`` (false if a question waits), ``more`` (true
+if something is left to ask), ``open`` (the reason why there is no question though more could be
+asked, or null), ``scale`` (rows, best level first: ``label``, ``value``, ``low``, ``high``, from 0
+to 100, and ``asked``, false for a level that no answer is about), ``certainty`` (of the intervals),
+``statements``, ``changes`` (``title``, ``note``, ``columns``, ``rows``, or null), ``downloads``,
+``facts`` (pairs), ``limits``, ``counts`` and ``conflicts`` (lists of ``id``, ``number`` and
+``sentence``). ``counts`` has ``answered``, with ``equal``, ``cannot tell`` and ``unused`` among
+them; ``withdrawn``; and ``repeated``, the questions that were put again, which nothing else counts,
+with ``alike`` of them answered as before."""
 
 from __future__ import annotations
 

@@ -70,6 +70,8 @@ def policy_conclusion(
         changes=_changes(mdp, action_words, legend, result),
         result=_whole_policy(mdp, action_words, result),
         settled=settled,
+        early=f"So far your plan loses at most as much as {most}. Your answers are not checked "
+        "yet.",
     )
 
 
@@ -188,6 +190,7 @@ def choice_conclusion(
         before=unasked,
         result=Table("", ("alternative", "choice"), rows),
         settled=settled,
+        early=f"So far your choice is “{result.name}”. Your answers are not checked yet.",
     )
 
 

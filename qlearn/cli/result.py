@@ -81,6 +81,8 @@ def run(
                 say_report(interview.handle({"do": "finish"}), _WIDTH)
                 if out is not None:
                     _write(interview, out)
+    except BrokenPipeError:  # which ends the command quietly
+        raise
     except (ImportError, ValueError, OSError) as error:
         return fail(str(error))
     return 0

@@ -98,14 +98,7 @@ class Terminal:
                     screen = after
                     continue
                 case _:
-                    open_still = (
-                        f" in whole numbers. {self._finer}" if screen["end"]["open"] else "."
-                    )
-                    self._say(
-                        f"\nThere are no more questions{open_still}"
-                        if screen["end"]["open"] or not screen["end"]["more"]
-                        else "\nThere are no more questions that are needed."
-                    )
+                    self._say(f"\n{self._at_the_end(screen['end'])}")
                     keys = _KEYS_WITH_MORE if screen["end"]["more"] else _KEYS_AT_THE_END
                     key = self._read({"": "done", "m": "more"}, "done", keys)
             match key:
@@ -129,6 +122,14 @@ class Terminal:
                     screen = self._handle("practised", choice=key)
                 case _:
                     screen = self._handle("answer", id=screen["question"]["id"], choice=key)
+
+    def _at_the_end(self, end: dict[str, Any]) -> str:
+        """Return a sentence on whether more could be asked."""
+        if end["open"]:
+            return f"There are no more questions in whole numbers. {self._finer}"
+        if end["finished"]:
+            return "There are no more questions."
+        return "This is the result so far. More could be asked."
 
     def _legend(self, legend: dict[str, Any]) -> None:
         """Print what the levels mean, best first."""

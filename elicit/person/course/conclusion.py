@@ -49,6 +49,9 @@ class Conclusion:
         The result as a table to download.
     settled
         True if at most the tolerance can still be lost.
+    early
+        The headline in place of ``headline`` if it is settled, but the person stopped before there
+        were enough answers and checks.
     """
 
     headline: str = ""
@@ -59,6 +62,7 @@ class Conclusion:
     changes: Table | None = None
     result: Table | None = None
     settled: bool = False
+    early: str = ""
 
 
 @dataclass(frozen=True)

@@ -325,6 +325,22 @@ def test_a_budget_is_said_once_and_the_person_can_go_on() -> None:
             assert said in html
 
 
+def test_who_stops_early_is_not_told_that_the_plan_is_settled() -> None:
+    told = taught(tolerance=0.1)
+    with (
+        Session(told.make, AnswerLog(), audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        person = Person(interview, truthful(np.array([0, 0.2, 0.45, 0.7, 1.0])))
+        while session.result().loss_bound > 0.1 or person.screen["stage"] != "question":
+            person.step()
+        end = interview.handle({"do": "finish"})["end"]
+        assert not end["settled"]
+        assert not end["finished"]
+        assert "settled" not in end["headline"]
+        assert "not checked yet" in end["headline"]
+
+
 def test_after_the_end_more_is_asked_until_the_scale_is_known() -> None:
     told, log = taught(), AnswerLog()
     with (

@@ -105,7 +105,7 @@ class Careless(io.StringIO):
         later = re.search(r"(\d+): (Decide later|Go on as before)", since)
         if later:
             return f"{later[1]}\n"
-        return "" if "There are no more questions" in since else "a\n"
+        return "" if "Enter: what was learned" in since else "a\n"
 
 
 def report(shown: str) -> str:
@@ -374,7 +374,7 @@ def test_at_the_end_the_keys_of_the_end_are_said(
     table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     _, shown, _ = taught("1\n" * 30, monkeypatch, capsys, table)
-    after = " ".join(shown[shown.index("There are no more questions") :].split())
+    after = " ".join(shown[shown.index("Enter: what was learned") :].split())
     assert "'1' is no answer here. Enter: what was learned; m: more questions; u: undo" in after
     assert "w: why" not in after
 
@@ -391,7 +391,7 @@ def test_why_a_question_is_asked_and_how_many_come_after_it(tmp_path: Path) -> N
         teach.prompted()
         assert "It is there to try the keys." in teach.say("w")
         text = teach.say("a")
-        while "There are no more questions" not in text:
+        while "Enter: what was learned" not in text:
             numbers.append(int(re.search(r"Question (\d+)", text)[1]))  # type: ignore[index]
             why = teach.say("w")
             while not re.search("We don't yet know|makes sure", " ".join(why.split())):
@@ -426,7 +426,7 @@ def test_the_end_of_the_input_quits_and_at_the_end_tells_what_was_learned(
     code, shown, _ = taught("1\n" * 30, monkeypatch, capsys, table)
     assert "Practice question: your answer is not saved" not in shown
     assert "Going on after 1 answer." in shown
-    assert "There are no more questions" in shown
+    assert "Enter: what was learned" in shown
     assert "Your choice is" in shown
     before = told(Path("answers-care.jsonl"))
     code, shown, _ = taught("u\nq\n", monkeypatch, capsys, table)
