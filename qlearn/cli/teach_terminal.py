@@ -100,6 +100,7 @@ class Terminal:
                 case _:
                     self._say(f"\n{self._at_the_end(screen['end'])}")
                     keys = _KEYS_WITH_MORE if screen["end"]["more"] else _KEYS_AT_THE_END
+                    self._say(keys)
                     key = self._read({"": "done", "m": "more"}, "done", keys)
             match key:
                 case "done":
