@@ -72,6 +72,7 @@ _LATER["InterviewWidget"] = (
     "elicit.person.hosts.widget"  # needs an extra, so `from elicit import *` leaves it out
 )
 _MODULES = {  # to be written as elicit.graph.cycles, say, after import elicit alone
+    "conclusion": "elicit.person.course.conclusion",
     "graph": "elicit.diagnostics.preference_graph",
     "objectives": "elicit.objectives",
     "people": "elicit.people",

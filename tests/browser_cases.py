@@ -91,11 +91,15 @@ def served(
     words: Words = WORDS,
     port: int = 0,
     ask: type[Listed] = Listed,
+    least: int = 0,
+    **more: Any,
 ) -> Iterator[Any]:
-    """A ``WebServer`` of a session that asks these."""
+    """A ``WebServer`` of a session that asks these, and no others unless ``least`` says so.
+
+    ``more``: further parts of its Subject."""
     from elicit.person.hosts.web import WebServer
 
-    subject = Subject(tuple(labels), words, report=says)
+    subject = Subject(tuple(labels), words, report=says, least=least, **more)
     with (
         Session(lambda known: ask(questions, known), log) as session,
         WebServer(session, subject, port=port) as server,

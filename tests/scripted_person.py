@@ -88,9 +88,7 @@ class Typing(io.StringIO):
         """Answer the question that stands last; at the end, end the input."""
         since = self._shown()
         self.text += since
-        return (
-            "" if "There are no more questions" in since else f"{truthful(since, self._values)}\n"
-        )
+        return "" if "Enter: what was learned" in since else f"{truthful(since, self._values)}\n"
 
 
 def truthful(question: str, values: Mapping[str, float]) -> str:
@@ -113,7 +111,7 @@ def answer_all(teach: Teach, values: Mapping[str, float], most: int = 1000) -> S
     after them is open."""
     keys = []
     text = teach.since or teach.prompted()
-    while len(keys) < most and "There are no more questions" not in text:
+    while len(keys) < most and "Enter: what was learned" not in text:
         keys.append(truthful(text, values))
         text = teach.say(keys[-1])
     return keys

@@ -79,6 +79,11 @@ HEAD = (
     "median",
     "most",
 )
+_GOES_ON = {  # the button of each other stage
+    "welcome": ".form .pick",
+    "conflict": "[data-keep]",
+    "offer": ".options .alt:has-text('Go on')",
+}
 HEAD_END = ("bound, at most", "loss, at most", "bound broken")
 WAITS = (
     "comparator",
@@ -114,6 +119,17 @@ def person(values: Floats, setting: Setting, number: int) -> Person:
     return says
 
 
+def _reply(screen: dict[str, Any], says: Person) -> dict[str, str]:
+    """Return the message of a person who goes on, and keeps what they said first."""
+    if screen["stage"] == "conflict":
+        found = screen["conflict"]
+        return {"do": "settle", "id": found["id"], "choice": found["choices"][0]["choice"]}
+    if screen["stage"] == "offer":
+        return {"do": "choose", "option": "on"}
+    question = screen["question"]
+    return {"do": "answer", "id": question["id"], "choice": says(question)}
+
+
 def session(setting: Setting, number: int) -> Run:
     """One session, answered without waiting for what is computed beside."""
     mdp = icu_sepsis()
@@ -122,10 +138,8 @@ def session(setting: Setting, number: int) -> Run:
     taught = taught_by(PROBLEM, setting.comparator, DAYS, None, 0, setting.tolerance)
     with Session(taught.make, AnswerLog()) as one, Interview(one, taught.subject) as interview:
         screen = interview.handle({"do": "practised", "choice": "a"})
-        while question := screen["question"]:
-            screen = interview.handle(
-                {"do": "answer", "id": question["id"], "choice": says(question)}
-            )
+        while screen["stage"] != "end":
+            screen = interview.handle(_reply(screen, says))
         result = one.result()
     loss = float(policy_loss(mdp, result.policy, values).max())
     return Run(screen["answered"], result.loss_bound, result.confidence, loss)
@@ -187,9 +201,11 @@ def waits(setting: Setting, browser: str, folder: Path) -> list[str]:
             while (screen := screens[-1])["stage"] != "end":
                 page.wait_for_timeout(1000 * READING)
                 now, before = time.monotonic(), _place(screen)
-                page.keyboard.press(
-                    {"a": "a", "b": "b", "equal": "ArrowDown"}[says(screen["question"])]
-                )
+                if screen["stage"] in ("practice", "question"):
+                    key = {"a": "a", "b": "b", "equal": "ArrowDown"}[says(screen["question"])]
+                    page.keyboard.press(key)
+                else:
+                    page.locator(_GOES_ON[screen["stage"]]).first.click()
                 while _place(screens[-1]) == before:
                     page.wait_for_timeout(4)
                 if screens[-1]["stage"] == "question":
@@ -250,7 +266,8 @@ def _named(setting: Setting) -> list[str]:
 
 
 def _place(screen: dict[str, Any]) -> tuple[str, str | None]:
-    return screen["stage"], screen["question"] and screen["question"]["id"]
+    put = screen["question"] or screen["conflict"]
+    return screen["stage"], put and put["id"]
 
 
 def main() -> None:

@@ -1,7 +1,8 @@
 """A person as the tutor: sessions kept in a log, whole-number questions, and hosts.
 
-``session`` is built on an asker and a log. ``showing`` words a question. ``interview`` holds the
-screens and messages of every host; in a browser the files of ``page`` draw them. ``report`` is the
-page that the person keeps. Imports from every folder of ``elicit`` but ``diagnostics``; a host's
+``session`` is built on an asker and a log. ``showing`` words a question. ``interview`` takes the
+messages of every host and says which screen is next; ``drawing`` fills the screens, and in a
+browser the files of ``page`` draw them. ``course`` decides what comes next. ``report`` is the page
+that the person keeps. Imports from every folder of ``elicit`` but ``diagnostics``; a host's
 further dependencies are imported late.
 """

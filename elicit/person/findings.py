@@ -2,29 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from elicit.model.comparator import Comparator, best_guess, bounds_of, trusted_share, wrong_of
+from elicit.model.difference import tail_sums
 from elicit.model.outcomes import assumed_of_answers
 from elicit.person.showing import printable
+from elicit.tutors.answer_log import Entry
 
 
 class ScaleRow(NamedTuple):
     """The value of a level, from 0 to 100: the best guess, and an interval.
 
-    The interval is rounded outwards to whole numbers.
+    The interval is rounded outwards to whole numbers. ``asked`` is False for a level that no answer
+    is about: its best guess is a guess of the program's, not of the person's.
     """
 
     label: str
     value: float
     low: float
     high: float
+    asked: bool = True
 
 
-def scale_rows(comparator: Comparator, labels: Sequence[str]) -> list[ScaleRow]:
+def asked_levels(log: Iterable[Entry]) -> set[int]:
+    """Return the levels (0 the worst) that an answer is about.
+
+    The answer stands, is used, and says more than "cannot tell" and than the order of the levels
+    does.
+    """
+    said = [
+        entry.answer.query.d for entry in log if entry.used and entry.answer.verdict is not None
+    ]
+    d = np.array([row for row in said if (tail_sums(row) > 0).any() and (tail_sums(row) < 0).any()])
+    return set(np.flatnonzero((d != 0).any(axis=0)).tolist()) if len(d) else set()
+
+
+def scale_rows(
+    comparator: Comparator, labels: Sequence[str], log: Iterable[Entry] | None = None
+) -> list[ScaleRow]:
     """Return the value of each of the k levels, best first.
 
     Parameters
@@ -32,11 +51,15 @@ def scale_rows(comparator: Comparator, labels: Sequence[str]) -> list[ScaleRow]:
     comparator : Comparator
     labels : (k,) str
         Names of the levels, worst first.
+    log : entries, optional
+        The answers. Default: every level counts as asked about.
 
     Returns
     -------
     list of ScaleRow
     """
+    k = len(labels)
+    asked = set(range(k)) if log is None else {0, k - 1} | asked_levels(log)
     ends = np.eye(len(labels)) - np.eye(len(labels))[0]
     low, high = bounds_of(comparator, ends)
     values = 100.0 * best_guess(comparator)
@@ -46,8 +69,10 @@ def scale_rows(comparator: Comparator, labels: Sequence[str]) -> list[ScaleRow]:
     low[-1] = 100.0
     high[0] = 0.0
     rows = [
-        ScaleRow(printable(label), float(value), float(least), float(most))
-        for label, value, least, most in zip(labels, values, low, high, strict=True)
+        ScaleRow(printable(label), float(value), float(least), float(most), level in asked)
+        for level, (label, value, least, most) in enumerate(
+            zip(labels, values, low, high, strict=True)
+        )
     ]
     return rows[::-1]
 
@@ -58,5 +83,5 @@ def certainty(comparator: Comparator) -> str:
     return (
         assumed_of_answers(wrong_of(comparator), "your")
         if level is None
-        else f"each interval with {level:.0%} probability"
+        else f"each with {level:.0%} probability"
     )

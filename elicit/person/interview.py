@@ -4,11 +4,13 @@ A host, such as a page or a widget, sends messages and draws the replies. Both a
 one front end (``page/interview.js``) serves all of them. An ``Interview`` may be used by several
 threads, windows and people at once: one message is taken at a time, and an answer counts once.
 
-Every message is ``{"do": ...}``. The reply to the first five of these is the screen to be drawn
-now:
+Every message is ``{"do": ...}``, and its other parts are strings. The reply to each of these is the
+screen to be drawn now:
 
 ``state``
     Nothing else.
+``start``
+    The person leaves the welcome, perhaps with ``who`` and ``budget`` (a number of questions).
 ``practised``
     The practice question was answered, with ``choice``.
 ``answer``
@@ -17,41 +19,74 @@ now:
     ``id`` of the answer that is taken back. It must be the last one, otherwise nothing happens.
 ``withdraw``
     ``id`` of an answer that is taken back, whichever it is.
+``settle``
+    ``id`` of a conflict; ``choice``, one of the conflict's.
+``choose``
+    ``option`` of an offer.
+``finish``
+    The person wants the result now.
+``more``
+    The person wants to go on after the end.
+
+The other replies are:
+
 ``outlook``
     ``id`` of the question, for the notes beside it. The reply has ``why`` (sentences), ``to_come``
     ([least, most], the number of questions after this one, or null) and ``ready`` (true if nothing
     will be added; until then ask again).
 ``answers``
-    The reply has ``answers``, oldest first, each with ``id``, ``sentence``, ``verdict``, ``time``,
-    ``withdrawn``, ``used`` and ``repeat``, and ``conflicts``, lists of ids.
+    The reply has ``answers``, oldest first, each with ``id``, ``number``, ``sentence``,
+    ``shown`` (both sides in words), ``verdict``, ``time``, ``withdrawn``, ``used`` and ``repeat``,
+    and ``conflicts``, lists of ids.
 ``report``
     The reply has ``html``, a page to keep, and ``name`` for its file.
+``download``
+    ``what``: "scale", "policy" or "answers"; ``format``: "csv" or "json". The reply has ``text``,
+    ``type`` and ``name``.
 
 A screen has these fields:
 
-``title``, ``preamble``
-    Texts.
+``title``, ``preamble``, ``note_beside``
+    Texts. The last is for every result, such as a disclaimer.
+``legend``
+    ``duration`` (a sentence, or "") and ``levels``, best first, each with ``label``, ``level`` (0
+    the worst) and ``meaning``.
 ``stage``
-    "practice", "question" or "end".
+    "welcome", "practice", "question", "conflict", "offer" or "end".
 ``answered``
     Number of answers that stand.
+``open_conflicts``
+    Number of answers that contradict others.
+``budget``
+    Number of questions that the person planned, or null.
 ``last``
     ``id`` and ``sentence`` of the answer that undo takes back, or null.
 ``note``
     A remark to the person on the last message, or null.
-``question``
-    Null at the end.
-``end``
-    Null before the end.
+``welcome``, ``question``, ``conflict``, ``offer``, ``end``
+    Null but at their stage. The practice has a question too.
+
+The welcome has ``before`` (a sentence on what could be lost without an answer, or ""), ``purpose``,
+``compare``, ``least`` (the fewest answers before it can be finished) and ``budgets``, each with
+``questions`` and ``label``.
 
 A question has ``id``, ``number``, ``heading``, ``sentences``, ``sides`` (the names of A and B),
 ``of``, ``unit``, ``levels`` (k), ``labels``, ``icons`` (true if the counts of the rows are small
 enough to be drawn one by one) and ``rows``, best level first. Each row has ``label``, ``level`` (0
 the worst), ``a`` and ``b``.
 
-The end has ``open`` (the reason why there is no question though more could be asked, or null),
-``scale`` (rows, best level first: ``label``, ``value``, ``low``, ``high``, from 0 to 100),
-``certainty`` (of the intervals), ``statements``, ``counts`` and ``conflicts`` (lists of ``id`` and
+A conflict has ``id``, ``heading``, ``text``, ``answers`` (each with ``number``, ``sentence``,
+``chosen`` and ``question``, which is drawn as it was shown) and ``choices``, each with ``choice``
+and ``label``. An offer has ``heading``, ``text`` and ``options``, each with ``option`` and
+``label``.
+
+The end has ``headline``, ``sure``, ``next``, ``before`` (texts), ``caution`` (a sentence on why the
+answers say little, or null), ``settled``, ``finished`` (false if a question waits), ``more`` (true
+if something is left to ask), ``open`` (the reason why there is no question though more could be
+asked, or null), ``scale`` (rows, best level first: ``label``, ``value``, ``low``, ``high``, from 0
+to 100, and ``asked``, false for a level that no answer is about), ``certainty`` (of the intervals),
+``statements``, ``changes`` (``title``, ``note``, ``columns``, ``rows``, or null), ``downloads``,
+``facts`` (pairs), ``limits``, ``counts`` and ``conflicts`` (lists of ``id``, ``number`` and
 ``sentence``). ``counts`` has ``answered``, with ``equal``, ``cannot tell`` and ``unused`` among
 them; ``withdrawn``; and ``repeated``, the questions that were put again, which nothing else counts,
 with ``alike`` of them answered as before.
@@ -59,13 +94,10 @@ with ``alike`` of them answered as before.
 
 from __future__ import annotations
 
-import re
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, field
-from datetime import UTC, datetime
-from functools import partial
+from dataclasses import dataclass
 from inspect import signature
 from itertools import chain
 from typing import Any
@@ -74,66 +106,26 @@ from elicit._support.closing import Closing
 from elicit.model.query import Answer, Query, Verdict
 from elicit.person.asker import AfterAnswer, Asker, Compares
 from elicit.person.background import Background
-from elicit.person.findings import certainty, scale_rows
+from elicit.person.course.conduct import ORDER, Conduct, differs
+from elicit.person.course.further import LEVEL, level_question, order_question
+from elicit.person.course.repeats import LEAST_CHECKS
+from elicit.person.drawing import Drawing, shown_of
+from elicit.person.drawing import Subject as Subject
 from elicit.person.look_ahead import LookAhead
 from elicit.person.outlook import Outlook
-from elicit.person.report import report_page
-from elicit.person.session import Session, SessionStatus
+from elicit.person.session import Session
 from elicit.person.showing import (
-    MOST_ICONS,
     Shown,
-    Words,
     near_in_whole_numbers,
     practice,
     printable,
-    show,
 )
-from elicit.tutors.answer_log import Entry
+from elicit.tutors.answer_log import CONTRADICTS, REPEATS, Entry
 
-_UNUSED = "This does not go together with earlier answers, so it is not used: see “Your answers”."
-_REPEATED = (
-    "That question was put a second time, to see whether the answers agree. What follows is the "
-    "same either way."
-)
-
-
-def _no_more(_: Any) -> list[str]:
-    return []
-
-
-def _unsaid(_: Any) -> None:
-    return None
-
-
-@dataclass(frozen=True, eq=False)
-class Subject:
-    """The subject of an interview, in words.
-
-    Parameters
-    ----------
-    labels : (k,) str
-        The levels, worst first.
-    words : Words
-        The words in which the problem speaks.
-    of : int
-        Number of outcomes on a side, if there is a choice.
-    report : callable
-        Returns sentences about the outcome of ``Session.result``.
-    stakes : callable
-        Returns from the same outcome a sentence on the purpose of more questions, or None.
-    finer : str
-        Advice for when no question in whole numbers is left.
-    seed : int
-        Decides which side is A, and other choices by chance.
-    """
-
-    labels: tuple[str, ...]
-    words: Words = field(default_factory=Words)
-    of: int = 10
-    report: Callable[[Any], list[str]] = field(default=_no_more, repr=False)
-    stakes: Callable[[Any], str | None] = field(default=_unsaid, repr=False)
-    finer: str = ""
-    seed: int = 0
+_MORE_AFTER_CAUTION = 10  # answers until a caution that the person passed over is said again
+_ORDER_AFTER = 4  # answers before the question about the order of two levels
+_LONGEST_NAME = 80
+_FURTHER = "This question makes sure that the result does not depend on too few answers."
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +138,7 @@ class _Beside:
     outlook: Outlook | None = None
 
 
-class Interview(Closing):
+class Interview(Drawing, Closing):
     """A session as screens and messages (see the module).
 
     While the person reads, a thread computes the next question after each possible answer.
@@ -165,27 +157,44 @@ class Interview(Closing):
     """
 
     def __init__(self, session: Session, subject: Subject) -> None:
-        self._session, self._subject = session, subject
+        super().__init__(session, subject)
         self._lock = threading.RLock()
-        self._practised = any(not entry.retracted for entry in session.log)
+        self._started = self._practised = any(not entry.retracted for entry in session.log)
         self._put: str | None = None  # id of the query that was logged last as shown
         self.shown: Shown | None = None
         """The question of the last screen, for hosts that draw it themselves; None if it has
         none.
         """
-        session.instead = partial(_in_whole_numbers, subject)
+        session.instead = self._instead
+        if subject.least:
+            session.further = self._further
+            session.check_regularly()
         self._background = Background()
         self._beside: _Beside | None = None
         self._since: list[Verdict | None] = []  # verdicts since then
+        self._needed = (0, 0)  # answers and checks that must still come after this question
+        self._stopped = False  # the person wants the result now
+        self._more = False  # the person wants more questions than needed
+        self._other = False  # the person wants another kind of question
+        self._budget: int | None = None
+        self._offered = 0  # number of answers at the last offer, which is not made again
+        self._heard = 0  # number of answers at the last caution
+        self._passed: set[frozenset[str]] = set()  # conflicts that are left as they are
         self._does: dict[str, Callable[..., dict[str, Any]]] = {
             "state": lambda: self._screen(),
+            "start": self._begin,
             "practised": self._practise,
             "answer": self._answer,
             "undo": self._undo,
             "withdraw": self._withdraw,
+            "settle": self._settle,
+            "choose": self._choose,
+            "finish": self._finish,
+            "more": self._go_on,
             "outlook": self._outlook,
             "answers": self._answers,
             "report": self._report,
+            "download": self._download,
         }
 
     def handle(self, message: Mapping[str, Any]) -> dict[str, Any]:
@@ -234,18 +243,40 @@ class Interview(Closing):
         screen: dict[str, Any] = {
             "title": printable(words.title),
             "preamble": printable(words.preamble),
-            "stage": "practice",
+            "note_beside": printable(words.note),
+            "legend": self._legend(),
+            "stage": "welcome",
             "answered": answered,
+            "open_conflicts": sum(CONTRADICTS in e.metadata and not e.used for e in standing),
+            "budget": self._budget,
             "last": last and {"id": last.query.id, "sentence": self._sentence(standing[-1])},
             "note": note,
+            "welcome": None,
             "question": None,
+            "conflict": None,
+            "offer": None,
             "end": None,
         }
-        if not self._practised and not standing:
-            shown = practice(self._subject.labels, words, self._subject.of, self._subject.seed)
-            self.shown = shown
-            self._background.start(self._first_question())
-            return {**screen, "question": self._drawn(shown, 0)}
+        if not standing and not self._practised and not self._stopped:
+            if not self._started and session.question() is not None:
+                self.shown = None
+                return {**screen, "welcome": self._welcome()}
+            if session.question() is not None:
+                shown = practice(self._subject.labels, words, self._subject.of, self._subject.seed)
+                self.shown = shown
+                self._background.start(self._first_question())
+                return {**screen, "stage": "practice", "question": self._drawn(shown, 0)}
+        conduct = Conduct.of([*session.log])
+        caution = conduct.caution() if answered >= self._heard + _MORE_AFTER_CAUTION else None
+        if conflict := self._conflict_now():
+            self.shown = None
+            return {**screen, "stage": "conflict", "conflict": conflict}
+        if self._stopped or (caution and self._subject.least):
+            self.shown = None
+            return {**screen, "stage": "end", "end": self._end(False)}
+        if offer := self._offer(conduct):
+            self.shown = None
+            return {**screen, "stage": "offer", "offer": offer}
         query = session.question()
         shown_now = None if query is None else self._shown(query)
         if shown_now is None or not shown_now.exact:
@@ -256,25 +287,39 @@ class Interview(Closing):
             session.shown(shown_now.id, shown_now.swapped, shown=shown_now.record())
             self._put = shown_now.id
         self.shown = shown_now
+        self._needed = self._still_needed(conduct)
         self._compute_beside(shown_now)
-        return {**screen, "stage": "question", "question": self._drawn(shown_now, answered + 1)}
+        return {
+            **screen,
+            "stage": "question",
+            "question": self._drawn(shown_now, len(standing) + 1),
+        }
 
     def _first_question(self) -> Iterator[None]:
         with self._lock:
             self._session.question()
         yield
 
+    def _begin(self, who: str = "", budget: str = "") -> dict[str, Any]:
+        self._started, self._stopped = True, False
+        if who.strip():
+            self._session.stamp(printable(who.strip())[:_LONGEST_NAME])
+        self._budget = int(budget) if budget.isdecimal() and 0 < int(budget) < 10_000 else None
+        return self._screen()
+
     def _practise(self, choice: str) -> dict[str, Any]:
-        self._practised = True
+        self._started = self._practised = True
         shown = practice(
             self._subject.labels, self._subject.words, self._subject.of, self._subject.seed
         )
         obvious = "b" if shown.swapped else "a"
+        if self._session.question() is None:
+            return self._screen()
         if choice == obvious:
-            return self._screen("Just so. Now the questions that count.")
+            return self._screen("Right. Now the real questions.")
         return self._screen(
-            f"Most would say {obvious.upper()}: all there are at the best level. Now the questions "
-            "that count."
+            f"Most people choose {obvious.upper()}, because everyone in it is “"
+            f"{printable(self._subject.labels[-1])}”. Now the real questions."
         )
 
     def _answer(self, id: str, choice: str) -> dict[str, Any]:
@@ -289,24 +334,171 @@ class Interview(Closing):
                 None,
             )
             if said is None:
-                return self._screen(
-                    "That question is not open any more. This is where things stand."
-                )
+                return self._screen("That question is no longer open. This is the current one.")
             if self._shown(said.answer.query).verdict(choice) == said.answer.verdict:  # type: ignore[arg-type]
                 return self._screen()  # the answer was sent twice
             return self._screen(
-                "That question was answered already, perhaps in another window: "
-                f"{self._sentence(said)}. "
-                "That answer stands; you can take it back."
+                "That question was already answered, perhaps in another window: "
+                f"{self._sentence(said)}. That answer stands. You can take it back."
             )
         verdict = self._shown(query).verdict(choice)  # type: ignore[arg-type]  # which raises ValueError
         waits = self._session.next_told()
         self._session.answer(id, verdict, ahead=self._told_ahead)
-        if waits is not None and waits.id != id and not self._session.log[-1].repeat:
-            self._forget()  # there is another asker now
-        self._practised = True
+        self._started = self._practised = True
+        self._stopped = False
         said = self._session.log[-1]
-        return self._screen(_REPEATED if said.repeat else None if said.used else _UNUSED)
+        if not said.repeat and (waits is None or waits.id != id):
+            self._forget()  # there is another asker now
+        return self._screen()
+
+    def _instead(self, query: Query, answered: Callable[[Query], bool]) -> Query | None:
+        """Return the query in place of the asker's: a check, another kind, or whole numbers."""
+        asker = self._session.current_asker()
+        if self._subject.least and isinstance(asker, Compares):
+            if (check := self._order_check(asker.comparator.k)) and not answered(check):
+                return check
+            if self._other:
+                other = level_question(
+                    asker.comparator, self._subject.of, answered, mixed_with="neighbours"
+                )
+                if other is not None:
+                    return other
+        return _in_whole_numbers(self._subject, query, answered)
+
+    def _order_check(self, k: int) -> Query | None:
+        """Return the question about two neighbouring levels that is due, or None."""
+        log = [*self._session.log]
+        conduct = Conduct.of(log)
+        n = sum(entry.answer.query.id.startswith(ORDER) for entry in log)
+        due = (conduct.answered >= _ORDER_AFTER) + (conduct.differed > 0)
+        if not self._session.audits or k < 3 or n >= due:
+            return None
+        return order_question(k, 1 + (k // 2 + n) % (k - 1))
+
+    def _further(self) -> Query | None:
+        """Return the question to put when the asker has none, or None at the end."""
+        conduct, start = Conduct.of([*self._session.log]), self._at_start()
+        needed = start is not None and not start.finished
+        few = needed and conduct.with_verdict < self._subject.least
+        if (self._more or few) and (found := self._level_question(few)) is not None:
+            return found
+        return self._session.confirming() if needed or self._more else None
+
+    def _still_needed(self, conduct: Conduct) -> tuple[int, int]:
+        """Return how many answers, and checks besides, must come after this question."""
+        if not self._subject.least:
+            return 0, 0
+        checks = max(0, LEAST_CHECKS - conduct.checks) if self._session.audits else 0
+        return max(0, self._subject.least - conduct.with_verdict - 1), checks
+
+    def _offer(self, conduct: Conduct) -> dict[str, Any] | None:
+        """Return what the person is offered before the next question, or None."""
+        n = conduct.answered
+        if n <= self._offered or not self._subject.least:
+            return None
+        stop = {"option": "finish", "label": "Finish now and show the result"}
+        if conduct.offers:
+            return {
+                "heading": f"You could not tell {conduct.in_a_row} times in a row",
+                "text": "That is fine. What would you like to do?",
+                "options": [
+                    {"option": "other", "label": "Try another kind of question"},
+                    {"option": "on", "label": "Go on as before"},
+                    {"option": "pause", "label": "Take a break"},
+                    stop,
+                ],
+            }
+        if self._budget is not None and n >= self._budget and self._session.question() is not None:
+            return {
+                "heading": f"You planned {self._budget} questions, and answered {n}",
+                "text": "You can see the result now, or go on for a smaller uncertainty.",
+                "options": [stop, {"option": "on", "label": "Go on until it is settled"}],
+            }
+        return None
+
+    def _choose(self, option: str) -> dict[str, Any]:
+        if option not in ("other", "on", "finish"):
+            raise ValueError(f"option must be 'other', 'on' or 'finish', not {option[:40]!r}")
+        if option == "finish":
+            return self._finish()
+        self._offered = Conduct.of([*self._session.log]).answered
+        if self._budget is not None and self._offered >= self._budget:
+            self._budget = None
+        if option == "other":
+            self._other = not self._other
+            self._forget()
+        return self._screen()
+
+    def _finish(self) -> dict[str, Any]:
+        self._stopped = True
+        return self._screen()
+
+    def _go_on(self) -> dict[str, Any]:
+        conduct = Conduct.of([*self._session.log])
+        self._started = self._practised = True
+        self._stopped = False
+        if conduct.caution() is not None:
+            self._heard = conduct.answered
+        self._offered = conduct.answered
+        if self._session.question() is None:
+            self._more = True
+        return self._screen()
+
+    def _conflict_now(self) -> dict[str, Any] | None:
+        """Return the conflict that the last answer is part of, unless the person left it."""
+        standing = [entry for entry in self._session.log if not entry.retracted]
+        if not standing or not self._subject.least:
+            return None
+        last = standing[-1]
+        if last.repeat:
+            first = next((e for e in standing if e.answer.query.id == last.metadata[REPEATS]), None)
+            if first is None or not differs(last) or self._is_passed((first, last)):
+                return None
+            return self._repeat_conflict(first, last)
+        among = self._session.contradiction()
+        if not among or self._is_passed(among):
+            return None
+        return self._contradiction(among)
+
+    def _is_passed(self, among: Sequence[Entry]) -> bool:
+        return frozenset(entry.answer.query.id for entry in among) in self._passed
+
+    def _settle(self, id: str, choice: str) -> dict[str, Any]:
+        conflict = self._conflict_now()
+        if conflict is None or conflict["id"] != id:
+            return self._screen("That was settled already, perhaps in another window.")
+        if choice not in {one["choice"] for one in conflict["choices"]}:
+            raise ValueError(f"choice must be one of the conflict's, not {choice[:80]!r}")
+        standing = {e.answer.query.id: e for e in self._session.log if not e.retracted}
+        last = standing[id]
+        self._forget()
+        if choice == "later":
+            among = self._session.contradiction()
+            self._passed.add(frozenset(entry.answer.query.id for entry in among))
+            return self._screen("Nothing was changed. You find this under “Your answers”.")
+        if last.repeat:
+            first = standing[last.metadata[REPEATS]]
+            if choice == "first" and not self._session.makes_askers:
+                self._passed.add(frozenset((first.answer.query.id, id)))
+                return self._screen("Your first answer stands.")
+            meant = {
+                "first": first.answer.verdict,
+                "second": last.answer.verdict,
+                "equal": Verdict.EQUAL,
+                "cannot tell": None,
+            }[choice]
+            self._session.settle(id, meant)
+            return self._screen("Thank you. That is what counts from now on.")
+        among = self._session.contradiction()
+        if not self._session.makes_askers:
+            self._passed.add(frozenset(entry.answer.query.id for entry in among))
+            return self._screen("This program cannot take answers back.")
+        if choice == "cannot tell":
+            for entry in among:
+                self._session.withdraw(entry.answer.query.id)
+            return self._screen("Thank you. None of these answers is used.")
+        self._session.withdraw(choice.removeprefix("withdraw:"))
+        return self._screen("Thank you. The other answers stay.")
 
     def _compute_beside(self, shown: Shown) -> None:
         """Start the computations beside a question, which is on the screen now."""
@@ -316,10 +508,9 @@ class Interview(Closing):
             return
         before, since = None if now is None else now.outlook, tuple(self._since)
         self._beside, self._since = _Beside(shown.id, asker), []
-        if (twin := session.twin()) is None:
-            return
         pending = session.next_told()
-        assert pending is not None  # otherwise nothing would be shown
+        if pending is None or (twin := session.twin()) is None:
+            return  # the asker is done, or cannot be copied
         ahead = None
         if now is not None and now.ahead is not None and now.ahead.waits_for(asker, pending):
             ahead = now.ahead  # ``shown`` is, or was, a repeat
@@ -356,8 +547,11 @@ class Interview(Closing):
     def _undo(self, id: str) -> dict[str, Any]:
         standing = [entry for entry in self._session.log if not entry.retracted]
         if not standing or standing[-1].answer.query.id != id:
-            return self._screen("Nothing was taken back: that is not the last answer any more.")
+            return self._screen(
+                "Nothing was taken back, because that is no longer the last answer."
+            )
         self._forget()
+        self._stopped = False
         self._session.undo()
         return self._screen("Taken back.")
 
@@ -365,7 +559,7 @@ class Interview(Closing):
         if not any(
             entry.answer.query.id == id and not entry.retracted for entry in self._session.log
         ):
-            return self._screen("Nothing was taken back: no such answer stands any more.")
+            return self._screen("Nothing was taken back, because that answer no longer stands.")
         self._forget()
         self._session.withdraw(id)
         return self._screen("Taken back. The other answers stay.")
@@ -378,117 +572,22 @@ class Interview(Closing):
         now = self._beside
         outlook = now.outlook if now is not None and now.shown == id else None
         if outlook is None:
-            return {"id": id, "why": [], "to_come": None, "ready": True}
+            why = [_FURTHER] if id.startswith(LEVEL) and not self._more else []
+            return {"id": id, "why": why, "to_come": None, "ready": True}
         ready = outlook.ready  # read first: whatever is there by then stays
-        to_come = None if outlook.to_come is None else [*outlook.to_come]
-        return {"id": id, "why": [*outlook.why], "to_come": to_come, "ready": ready}
-
-    def _answers(self) -> dict[str, Any]:
-        said = [
-            {
-                "id": entry.answer.query.id,
-                "sentence": self._sentence(entry),
-                "verdict": entry.answer.verdict,
-                "time": entry.metadata.get("time"),
-                "withdrawn": entry.retracted,
-                "used": entry.used,
-                "repeat": entry.repeat,
-            }
-            for entry in self._session.log
-        ]
-        return {
-            "answers": said,
-            "conflicts": [[one["id"] for one in among] for among in self._conflicts()],
-        }
-
-    def _report(self) -> dict[str, Any]:
-        query, log = self._session.question(), self._session.log
-        whole = query is not None and self._shown(query).exact
-        now = datetime.now(UTC)
-        title = printable(self._subject.words.title)
-        html = report_page(
-            title,
-            f"{now.day} {now:%B %Y, %H:%M} UTC",
-            self._end(query is not None and not whole),
-            self._answers()["answers"],
-            waiting=whole,
-            log=None if log.path is None else printable(log.path.name),
-            checksum=log.checksum,
-            preamble=printable(self._subject.words.preamble),
+        answers, checks = self._needed
+        to_come = (
+            None
+            if outlook.to_come is None
+            else [max(answers, number) + checks for number in outlook.to_come]
         )
-        words = re.findall(r"\w+", title.lower())
-        return {"html": html, "name": "-".join([*words, "report", f"{now:%Y-%m-%d}"]) + ".html"}
-
-    def _end(self, open_still: bool) -> dict[str, Any]:
-        session, subject = self._session, self._subject
-        status = session.status()
-        asker = session.current_asker()
-        known = asker.comparator if isinstance(asker, Compares) else None
-        return {
-            "open": f"There is no finer question of whole numbers. {subject.finer}".strip()
-            if open_still
-            else None,
-            "scale": []
-            if known is None
-            else [row._asdict() for row in scale_rows(known, subject.labels)],
-            "certainty": None if known is None else certainty(known),
-            "statements": [*map(printable, subject.report(session.result())), *_repeats(status)],
-            "counts": {
-                "answered": status.answered,
-                "equal": status.equal,
-                "cannot tell": status.cannot_tell,
-                "unused": status.unused,
-                "withdrawn": status.withdrawn,
-                "repeated": status.repeated,
-                "alike": status.alike,
-            },
-            "conflicts": self._conflicts(),
-        }
-
-    def _conflicts(self) -> list[list[dict[str, Any]]]:
-        return [
-            [{"id": entry.answer.query.id, "sentence": self._sentence(entry)} for entry in among]
-            for among in self._session.conflicts()
-        ]
-
-    def _drawn(self, shown: Shown, number: int) -> dict[str, Any]:
-        rows = shown.rows
-        return {
-            "id": shown.id,
-            "number": number,
-            "heading": shown.sentences()[-1],
-            "sentences": list(shown.sentences()[:-1]),
-            "sides": [printable(f"{shown.words.side.capitalize()} {name}") for name in "AB"],
-            "of": shown.of,
-            "unit": printable(shown.words.unit),
-            "levels": len(shown.labels),
-            "labels": list(shown.labels),
-            "icons": max((n for row in rows for n in (row.a, row.b)), default=0) <= MOST_ICONS,
-            "rows": [row._asdict() for row in rows],
-        }
-
-    def _shown(self, query: Query) -> Shown:
-        return _shown(self._subject, query)
-
-    def _sentence(self, entry: Entry) -> str:
-        return self._shown(entry.answer.query).sentence(entry.answer.verdict)
-
-
-def _shown(subject: Subject, query: Query) -> Shown:
-    return show(query, subject.words, subject.of, subject.seed, subject.labels)
+        return {"id": id, "why": [*outlook.why], "to_come": to_come, "ready": ready}
 
 
 def _in_whole_numbers(
     subject: Subject, query: Query, answered: Callable[[Query], bool]
 ) -> Query | None:
     """Return a query in whole numbers near one that is not, if any was not asked yet."""
-    if _shown(subject, query).exact:
+    if shown_of(subject, query).exact:
         return None
     return next((near for near in near_in_whole_numbers(query) if not answered(near)), None)
-
-
-def _repeats(status: SessionStatus) -> list[str]:
-    """Return sentences on how many repeats were answered as before."""
-    n = status.repeated
-    questions = "question was" if n == 1 else "questions were"
-    return [f"{status.alike} of {n} repeated {questions} answered as before."] if n else []

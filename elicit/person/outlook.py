@@ -199,7 +199,7 @@ def what_is_open(shown: Shown, comparator: Comparator) -> str | None:
     None if it knows nothing.
     """
     level = trusted_share(comparator)
-    sure = "" if level is None else f", with {level:.0%} probability,"
+    sure = "" if level is None else f" with {level:.0%} probability"
     left, right = shown.vectors
     d = left - right
     sides = np.flatnonzero(d > 0), np.flatnonzero(d < 0)
@@ -211,11 +211,9 @@ def what_is_open(shown: Shown, comparator: Comparator) -> str | None:
         if low < level < high:
             least, most = _place(comparator, int(low), level, int(high))
             return (
-                f"It is still open how you weigh {labels[level]} against a mixture of "
-                f"{labels[high]} and "
-                f"{labels[low]}: so far{sure} 1 {labels[level]} counts for something between "
-                f"{least} and {most} on "
-                f"the way from {labels[low]} (0) to {labels[high]} (100)."
+                f"We don't yet know how good you think “{labels[level]}” is, from 0 "
+                f"({labels[low]}) to 100 ({labels[high]}). So far it is between {least} and "
+                f"{most}{sure}."
             )
     total = float(left.sum())
     worth = np.array([float(bound[0]) for bound in bounds_of(comparator, d[None, :])]) * (
@@ -224,17 +222,16 @@ def what_is_open(shown: Shown, comparator: Comparator) -> str | None:
     if not np.isfinite(worth).all():
         return None
     least, most = (-worth[::-1] if shown.swapped else worth).tolist()
-    measure = f"where all {labels[-1]} is worth 100 and all {labels[0]} 0"
+    measure = f"on a scale from 0 (all {labels[0]}) to 100 (all {labels[-1]})"
     if least < 0 < most:
         return (
-            f"It is still open which of the two you would rather have: so far{sure} A may be worth "
-            "up to "
-            f"{_up(most)} more than B, or up to {_up(-least)} less, {measure}."
+            f"We don't yet know which of the two you prefer. So far A may be up to {_up(most)} "
+            f"better than B, or up to {_up(-least)} worse{sure}, {measure}."
         )
     near, far = sorted((abs(least), abs(most)))
     return (
-        f"It is still open how far apart the two are: so far{sure} {int(near)} to {_up(far)}, "
-        f"{measure}."
+        "We don't yet know how much better one of the two is. So far the difference is between "
+        f"{int(near)} and {_up(far)}{sure}, {measure}."
     )
 
 

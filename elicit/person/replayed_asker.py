@@ -12,7 +12,7 @@ from dataclasses import replace
 from inspect import Parameter, signature
 from typing import Any, NamedTuple
 
-from elicit.model.query import InconsistentAnswers
+from elicit.model.query import Answer, InconsistentAnswers
 from elicit.person.asker import AfterAnswer, Asker, MakeAsker, counts, tell
 from elicit.tutors.answer_log import CONTRADICTS, AnswerLog, Entry
 
@@ -134,6 +134,22 @@ class ReplayedAsker:
             # if the last answer is withdrawn, the earlier ones are told again, and its question
             # comes back
             self._know(self._restarted() if id in known else self._resumed())
+
+    def at_start(self) -> Asker | None:
+        """Return a new asker that knows no answer, or None if none can be made."""
+        return None if self._make is None else self._made([])
+
+    def exchange(self, id: str, metadata: dict[str, Any], answer: Answer) -> None:
+        """Take back the answer to the query of this id, and append another one in its place.
+
+        Raises ValueError if a new asker would be needed and cannot be made.
+        """
+        if self._make is None:
+            raise ValueError("to settle two answers the session must make a new asker")
+        self._stands = None
+        self._log.retract(id, **metadata)
+        self._log.append(answer, **self._stamp())
+        self._know(self._restarted())
 
     def standing(self) -> tuple[list[Entry], list[Entry]]:
         """Return the entries that are not withdrawn, without repeats.

@@ -29,6 +29,11 @@ thead th, thead td { font-size: .85rem; color: #4a5864; border-top: 0; vertical-
 svg { display: block; width: 100%; overflow: visible; }
 .conflict { border: 1.5px solid #b45f00; background: #fff4dc; border-radius: 8px; padding: .2rem 1rem;
   margin: .8rem 0; }
+.shown { font-size: .85rem; }
+.headline { font-size: 1.35rem; font-weight: 700; line-height: 1.3; margin-top: 1rem; }
+.caution { border-left: 4px solid #b45f00; background: #fff4dc; padding: .4rem .8rem; }
+dl { display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1rem; font-size: .85rem; color: #4a5864; }
+dd { margin: 0; overflow-wrap: anywhere; }
 .log { border-top: 1px solid #c9d2da; margin-top: 2rem; padding-top: .6rem; font-size: .85rem; }
 @media (max-width: 34rem) {
   body { margin-top: 1rem; } table { font-size: .9rem; } th, td { padding: .3rem .2rem; }
@@ -52,6 +57,9 @@ def report_page(
     log: str | None = None,
     checksum: str | None = None,
     preamble: str = "",
+    legend: Mapping[str, Any] | None = None,
+    facts: Mapping[str, str] | None = None,
+    limits: Sequence[str] = (),
 ) -> str:
     """Return the page as HTML.
 
@@ -68,6 +76,12 @@ def report_page(
         The name of the file of the answers, and the end of its last line.
     preamble : str
         Text shown before the questions.
+    legend : mapping, optional
+        The meaning of the levels, as in the screens of ``Interview``.
+    facts : mapping, optional
+        Facts that the report names, such as the person and the version.
+    limits : sequence of str
+        Sentences on what the result does not say.
 
     Returns
     -------
@@ -78,25 +92,36 @@ def report_page(
         f"<h1>{_text(name)}: a report</h1>",
         f'<p class="soft">{_text(when)}. {_text(_counted(end["counts"]))}</p>',
     ]
-    if preamble:
-        parts.append(f"<p>{_text(preamble)}</p>")
     if waiting:
-        parts.append("<p><b>Not finished: more could be asked.</b> This is how things stood.</p>")
+        parts.append(
+            "<p><b>Stopped early: more could be asked.</b> This is where things stood.</p>"
+        )
+    parts += _headline(end)
     if end["open"]:
         parts.append(f"<p>{_text(end['open'])}</p>")
     if end["scale"]:
         parts += ["<h2>What the levels are worth</h2>", *_scale(end["scale"], end["certainty"])]
-    if end["statements"]:
-        parts += ["<h2>What follows from the answers</h2>", *_statements(end["statements"])]
     if end["conflicts"]:
-        parts.append("<h2>What does not go together</h2>")
+        parts.append("<h2>Answers that contradict each other</h2>")
         parts += map(_conflict, end["conflicts"])
+    if end["statements"]:
+        parts += ["<h2>What else follows</h2>", *_statements(end["statements"])]
+    if end.get("changes"):
+        parts += _changes(end["changes"])
+    if preamble or legend:
+        parts += ["<h2>What was asked</h2>", *_asked_about(preamble, legend)]
     parts += ["<h2>Every answer</h2>", *_answers(answers, end["conflicts"])]
+    if limits:
+        parts.append("<h2>What this does not say</h2>")
+        parts += [f"<p>{_text(sentence)}</p>" for sentence in limits]
     if log is not None:
         check = "" if checksum is None else f", whose last line has the checksum {checksum}"
         parts.append(
             f'<p class="soft log">The answers are kept in the file {_text(log)}{_text(check)}.</p>'
         )
+    if facts:
+        named = "".join(f"<dt>{_text(k)}</dt><dd>{_text(v)}</dd>" for k, v in facts.items())
+        parts.append(f"<dl>{named}</dl>")
     body = "\n".join(parts)
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -104,6 +129,42 @@ def report_page(
         f"<title>{_text(name)}: a report</title>\n<style>{_STYLE}</style>\n</head>\n"
         f"<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
     )
+
+
+def _headline(end: Mapping[str, Any]) -> Iterator[str]:
+    """Return the conclusion: what was found, how sure it is, and what could be lost before."""
+    if end.get("headline"):
+        yield f'<p class="headline">{_text(end["headline"])}</p>'
+    if end.get("caution"):
+        yield f'<p class="caution">{_text(end["caution"])}</p>'
+    for name in ("sure", "before", "next"):
+        if end.get(name):
+            yield f"<p>{_text(end[name])}</p>"
+
+
+def _changes(changes: Mapping[str, Any]) -> Iterator[str]:
+    yield f"<h2>{_text(changes['title'])}</h2>\n<p>{_text(changes['note'])}</p>"
+    if changes["rows"]:
+        head = "".join(f'<th scope="col">{_text(name)}</th>' for name in changes["columns"])
+        yield f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>"
+        for row in changes["rows"]:
+            yield f"<tr>{''.join(f'<td>{_text(cell)}</td>' for cell in row)}</tr>"
+        yield "</tbody>\n</table>"
+
+
+def _asked_about(preamble: str, legend: Mapping[str, Any] | None) -> Iterator[str]:
+    if preamble:
+        yield f"<p>{_text(preamble)}</p>"
+    if legend is None:
+        return
+    if legend["duration"]:
+        yield f"<p>{_text(legend['duration'])}</p>"
+    if any(level["meaning"] for level in legend["levels"]):
+        rows = "".join(
+            f'<tr><th scope="row">{_text(one["label"])}</th><td>{_text(one["meaning"])}</td></tr>'
+            for one in legend["levels"]
+        )
+        yield f"<table><tbody>{rows}</tbody></table>"
 
 
 def _text(words: object) -> str:
@@ -114,21 +175,25 @@ def _counted(counts: Mapping[str, int]) -> str:
     named = {
         "equal": "equally good",
         "cannot tell": "cannot tell",
-        "unused": "not used",
+        "unused": "ignored because they contradict others",
         "withdrawn": "more taken back",
     }
     among = ", ".join(f"{counts[key]} {words}" for key, words in named.items() if counts[key])
-    n = counts["answered"]
-    return f"{n} {'answer' if n == 1 else 'answers'}{f' ({among})' if among else ''}."
+    n, again = counts["answered"], counts.get("repeated", 0)
+    said = f"{n} {'answer' if n == 1 else 'answers'}{f' ({among})' if among else ''}."
+    if not again:
+        return said
+    questions = "question was" if again == 1 else "questions were"
+    return f"{said} {counts['alike']} of {again} repeated {questions} answered as before."
 
 
 def _scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> Iterator[str]:
     said = (
-        "From 0, the worst, to 100, the best: 60 is as good as 60 of 100 at the best level and 40 "
-        "at the worst. The "
-        "dot is the best guess, the bar what is still open"
+        "Values go from 0, the worst level, to 100, the best. A level at 60 is as good to you as "
+        "60 of 100 at the best level and 40 at the worst. The bar is what is still possible, and "
+        "the dot is the best guess. A dashed bar is a level that no answer is about."
     )
-    yield f'<table class="scale">\n<caption>{said} ({_text(certainty)}).</caption>'
+    yield f'<table class="scale">\n<caption>{said} The ranges hold {_text(certainty)}.</caption>'
     marks = "".join(f'<text x="{x}%" y="14" text-anchor="middle">{x}</text>' for x in (0, 50, 100))
     axis = f'<svg height="18" font-size="13" fill="#4a5864" aria-hidden="true">{marks}</svg>'
     yield f'<thead><tr><th scope="col">Level</th><td class="drawn">{axis}</td>'
@@ -140,25 +205,32 @@ def _scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> Iterator[str]:
     for i, row in enumerate(rows):
         low, high = row["low"], row["high"]
         between = "fixed" if low == high else f"{low:.0f} to {high:.0f}"
-        picture = _interval(low, row["value"], high, _colour(1.0 - i / max(1, len(rows) - 1)))
+        known = row.get("asked", True)
+        colour = _colour(1.0 - i / max(1, len(rows) - 1)) if known else None
+        picture = _interval(low, row["value"], high, colour)
+        guess = f"{row['value']:.0f}" if known else "unknown"
         yield (
             f'<tr><th scope="row">{_text(row["label"])}</th><td class="drawn">{picture}</td>'
-            f'<td class="number">{row["value"]:.0f}</td><td class="number">{between}</td></tr>'
+            f'<td class="number">{guess}</td><td class="number">{between}</td></tr>'
         )
     yield "</tbody>\n</table>"
 
 
-def _interval(low: float, value: float, high: float, colour: str) -> str:
+def _interval(low: float, value: float, high: float, colour: str | None) -> str:
+    """Return an interval drawn on the scale, hollow and without its dot if the colour is None."""
     grid = "".join(
         f'<line x1="{x}%" x2="{x}%" y1="0" y2="100%" stroke="#e4e9ee"/>'
         for x in (0, 25, 50, 75, 100)
     )
+    fill = "none" if colour is None else colour
+    dashed = ' stroke-dasharray="4 3"' if colour is None else ""
+    dot = f'<circle cx="{value:.2f}%" cy="17" r="3" fill="#14202b"/>'
+    if low == high:
+        dot = f'<circle cx="{value:.2f}%" cy="17" r="6" fill="{fill}" stroke="#33414d"/>'
     return (
         f'<svg height="34" aria-hidden="true">{grid}<rect x="{low}%" width="{high - low}%" y="10" '
-        'height="14" rx="3" '
-        f'fill="{colour}" stroke="#33414d"/><circle cx="{value:.2f}%" cy="17" r="6" fill="#fff" '
-        'stroke="#14202b" '
-        'stroke-width="3"/></svg>'
+        f'height="14" rx="3" fill="{fill}" stroke="#33414d"{dashed}/>'
+        f"{'' if colour is None else dot}</svg>"
     )
 
 
@@ -186,10 +258,10 @@ def _statements(lines: Iterable[str]) -> Iterator[str]:
 def _conflict(entries: Sequence[Mapping[str, Any]]) -> str:
     items = "".join(f"<li>{_text(entry['sentence'])}</li>" for entry in entries)
     said = (
-        f"These {len(entries)} answers do not go together; to change any one of them would mend it:"
+        f"These {len(entries)} answers contradict each other. Withdrawing any one of them fixes it."
     )
     if len(entries) == 1:
-        said = "This answer does not go with the order of the levels:"
+        said = "This answer goes against the order of the levels."
     return f'<div class="conflict"><p>{said}</p><ul>{items}</ul></div>'
 
 
@@ -206,11 +278,13 @@ def _answers(
         stands = not one["withdrawn"]
         remarks = {
             "taken back": not stands,
-            "does not go together with others": stands and one["id"] in among,
-            "not used": stands and not one["used"] and not one["repeat"],
-            "asked again, to see how steady answers are": one["repeat"],
+            "contradicts others": stands and one["id"] in among,
+            "ignored": stands and not one["used"] and not one["repeat"],
+            "asked again as a check": one["repeat"],
         }
         said = _text(one["sentence"]) if stands else f"<s>{_text(one['sentence'])}</s>"
+        if one.get("shown"):
+            said += f'<br><span class="soft shown">{_text(one["shown"])}</span>'
         when = _text((one["time"] or "")[:16].replace("T", " "))
         noted = ", ".join(words for words, holds in remarks.items() if holds)
         yield (

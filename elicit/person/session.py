@@ -10,7 +10,7 @@ import copy
 import secrets
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from os import PathLike
 from typing import Any
@@ -23,10 +23,11 @@ from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import tie_of
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 from elicit.person.asker import AfterAnswer, Asker, Audits, Compares, MakeAsker, counts, last_answer
-from elicit.person.repeats import Repeats
+from elicit.person.course.conduct import SETTLED, differs, repeats_in
+from elicit.person.course.repeats import Repeats
 from elicit.person.replayed_asker import ReplayedAsker
 from elicit.person.substitution import Instead, substitute
-from elicit.tutors.answer_log import EXPECTED, REPEATS, AnswerLog, Entry
+from elicit.tutors.answer_log import EXPECTED, REPEATS, RESOLVED, AnswerLog, Entry
 
 
 @dataclass(frozen=True)
@@ -70,9 +71,10 @@ class Session(Closing):
         The session closes a log that it opened from a path.
     who : str, optional
         The person whose answers these are, for the log.
-    audit : float
+    audit : float, optional
         The share of questions in front of which an earlier one is put again, to see whether the
         answers agree. The asker is not told the answer to a repeat, and nothing else depends on it.
+        Default: none, but an ``Interview`` puts those that it needs.
     seed : int or Generator or SeedSequence, optional
         Chooses the repeats, together with the answers that stand. None draws a new one.
     clock : callable
@@ -94,12 +96,12 @@ class Session(Closing):
         log: AnswerLog | str | PathLike[str],
         *,
         who: str | None = None,
-        audit: float = 0.0,
+        audit: float | None = None,
         seed: Seed | None = 0,
         clock: Callable[[], float] = time.time,
     ) -> None:
         what = "audit, the share of questions in front of which one is put again,"
-        require(is_number(audit, 0, 1), what, "in 0..1", audit)
+        require(audit is None or is_number(audit, 0, 1), what, "None, or in 0..1", audit)
         self._clock = clock
         self._stamp = {"session": secrets.token_hex(4), **({} if who is None else {"who": who})}
         self._put_at: dict[
@@ -110,13 +112,19 @@ class Session(Closing):
 
         After the answer a new asker is made, which knows it.
         """
+        self.further: Callable[[], Query | None] | None = None
+        """Chooses a question once the asker has none, for a session that makes its askers."""
+        # a comparator that takes all for true, what it was offered, and the answers that it took
+        self._consistent: tuple[PolytopeComparator, list[Any], list[Entry]] | None = None
+        self.audits = audit is None or audit > 0
+        """False if the session was told to put no question again."""
         self.seed = seed_of(seed)
         """The seed that gives the same repeats again."""
         ReplayedAsker.check(asker)  # before a file is made
         self._mine = not isinstance(log, AnswerLog)
         self._log = log if isinstance(log, AnswerLog) else AnswerLog(log)
         try:
-            self._repeats = Repeats(self._log, float(audit), self.seed)
+            self._repeats = Repeats(self._log, float(audit or 0.0), self.seed)
             self._replayed = ReplayedAsker(asker, self._log, self._now)
             self._replayed.current()
         except BaseException:
@@ -161,6 +169,9 @@ class Session(Closing):
         query = self.next_told()
         if query is not None:
             query = self._repeats.due() or self._in_place_of(query) or query
+        elif self.further is not None and self.makes_askers:
+            query = self.further()
+        if query is not None:
             self._put_at.setdefault(query.id, time.monotonic())
         return query
 
@@ -170,6 +181,31 @@ class Session(Closing):
         It is ``question``, unless an earlier question is put again, or another one in its place.
         """
         return next(iter(self._pending().values()), None)
+
+    def check_regularly(self) -> None:
+        """Put a question again after every fourth answer, and after each that differed.
+
+        Not if the session was told to put none again.
+        """
+        self._repeats.regular = self.audits
+
+    def confirming(self) -> Query | None:
+        """Return an earlier question to put again before the end, or None."""
+        return self._repeats.confirming() if self.audits else None
+
+    def at_start(self) -> Asker | None:
+        """Return a new asker that knows no answer, or None if the session cannot make one."""
+        return self._replayed.at_start()
+
+    def stamp(self, who: str) -> None:
+        """Name the person whose answers these are, for the lines to come."""
+        self._stamp["who"] = who
+
+    @property
+    def who(self) -> str | None:
+        """The person whose answers these are, by the last line of the log that says so."""
+        said = [entry.metadata["who"] for entry in self._log if "who" in entry.metadata]
+        return self._stamp.get("who") or (str(said[-1]) if said else None)
 
     def is_repeat(self, id: str) -> bool:
         """Return whether the pending query of this id is an earlier one put again."""
@@ -315,6 +351,37 @@ class Session(Closing):
         self._replayed.withdraw(id, {**self._now(), **metadata})
         self._put_at.clear()
 
+    def settle(self, id: str, verdict: Verdict | int | None) -> None:
+        """Say what is meant, after a question that was put again was answered otherwise.
+
+        The answer stands in the place of both, and is learned.
+
+        Parameters
+        ----------
+        id : str
+            Of the repeat.
+        verdict : Verdict or int or None
+            Of ``query.left``. None: cannot tell.
+
+        Raises
+        ------
+        ValueError
+            If no such repeat stands, or its first answer does not, or if the first answer changes
+            and the session was given an asker in place of a function that makes one.
+        """
+        standing = {e.answer.query.id: e for e in self._log if not e.retracted}
+        again = standing.get(id)
+        first = None if again is None else standing.get(str(again.metadata.get(REPEATS)))
+        if again is None or not again.repeat or first is None:
+            raise ValueError(f"no two answers wait to be settled by the id {id!r}")
+        query = replace(first.answer.query, id=f"{SETTLED}{first.answer.query.id}")
+        meant = Answer(query, verdict, again.answer.swapped)  # type: ignore[arg-type]
+        told = {**self._now(), RESOLVED: None if meant.verdict is None else int(meant.verdict)}
+        if meant.verdict != first.answer.verdict:
+            self._replayed.exchange(first.answer.query.id, told, meant)
+        self._log.retract(id, **told)
+        self._put_at.clear()
+
     def conflicts(self) -> tuple[tuple[Entry, ...], ...]:
         """Return sets of answers that contradict each other, whatever the scale.
 
@@ -334,6 +401,38 @@ class Session(Closing):
                 rest = [entry for row, entry in enumerate(rest) if row not in rows]
         return tuple(found)
 
+    def contradiction(self) -> tuple[Entry, ...]:
+        """Return a set of answers that contradict each other, with the last one among them.
+
+        It is empty if the last answer contradicts none, whether the comparator errs or not. One
+        more answer takes far less time than all ``conflicts``.
+        """
+        rest = [entry for entry in self._log if counts(entry) and entry.answer.verdict is not None]
+        standing = [entry for entry in self._log if not entry.retracted]
+        if not rest or rest[-1] is not standing[-1]:
+            return ()
+        *earlier, last = rest
+        said = [(entry.answer.query.id, entry.answer.verdict) for entry in rest]
+        if self._consistent is not None and self._consistent[1] == said[:-1]:
+            comparator, _, kept = self._consistent
+        else:
+            comparator, kept = self._reliable(len(last.answer.query.left)), []
+            for entry in earlier:
+                try:
+                    comparator = comparator.update(Answers.of([entry.answer], comparator.k))
+                    kept = [*kept, entry]
+                except InconsistentAnswers:
+                    pass  # brought up when it was the last one
+        among: tuple[Entry, ...] = ()
+        try:
+            comparator = comparator.update(Answers.of([last.answer], comparator.k))
+            kept = [*kept, last]
+        except InconsistentAnswers as error:
+            told = [*kept, last]
+            among = tuple(told[row] for row in sorted({row for row, _ in error.answers}))
+        self._consistent = comparator, said, kept
+        return among
+
     def status(self) -> SessionStatus:
         """Return where the session stands.
 
@@ -341,7 +440,7 @@ class Session(Closing):
         """
         entries = [entry for entry in self._log if not entry.repeat]
         standing = [entry for entry in entries if not entry.retracted]
-        again = [entry for entry in self._log if entry.repeat and not entry.retracted]
+        again = repeats_in(self._log)
         verdicts = [entry.answer.verdict for entry in standing]
         return SessionStatus(
             answered=len(standing),
@@ -351,7 +450,7 @@ class Session(Closing):
             withdrawn=len(entries) - len(standing),
             finished=not self._pending(),
             repeated=len(again),
-            alike=sum(entry.metadata[EXPECTED] == entry.answer.verdict for entry in again),
+            alike=sum(not differs(entry) for entry in again),
         )
 
     def result(self) -> Any:
@@ -374,7 +473,13 @@ class Session(Closing):
     def _to_answer(self, id: str) -> Query | None:
         """Return the query of this id, if it waits for an answer."""
         waits = self.next_told()
-        for query in (self._repeats.due(), self._in_place_of(waits)) if waits is not None else ():
+        if waits is not None:
+            others = (self._repeats.due(), self._in_place_of(waits))
+        elif self.further is not None and self.makes_askers:
+            others = (self.further(), None)
+        else:
+            return None
+        for query in others:
             if query is not None and query.id == id:
                 return query
         return self._pending().get(id)

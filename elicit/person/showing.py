@@ -46,6 +46,16 @@ class Words:
         The question about two sides.
     title, preamble
         Texts shown before the first question.
+    duration
+        A sentence on how long an outcome lasts.
+    levels
+        What each of the k levels means, worst first; none if their names say it.
+    purpose
+        What the answers are for, in a sentence.
+    note
+        What is said beside every result, such as "Not medical advice."
+    loss
+        A loss in the problem's own unit. "{n}" stands for a number such as "3.8 in 100".
     """
 
     unit: str = "days"
@@ -54,6 +64,11 @@ class Words:
     preamble: str = ""
     question: str = "which would you rather have?"
     side: str = "group"
+    duration: str = ""
+    levels: tuple[str, ...] = ()
+    purpose: str = ""
+    note: str = ""
+    loss: str = ""
 
 
 class Row(NamedTuple):

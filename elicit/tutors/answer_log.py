@@ -47,6 +47,10 @@ REPEATS = "repeats"
 """The metadata of an answer to a question that was put again: the id of the first. Comparators do
 not learn from it.
 """
+RESOLVED = "resolved"
+"""The metadata of a withdrawal by which the person settled two answers that differ: the verdict, or
+None for "cannot tell", that stands in their place.
+"""
 CONTRADICTS = "contradicts"
 """The metadata of an answer that was marked unused for what it contradicts: the ids of those
 answers.

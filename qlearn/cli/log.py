@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -73,7 +74,12 @@ def show(files: list[Path]) -> int:
         rows: list[tuple[str, ...]] = [
             ("", "time", "who", "question", "answer", "seconds", "about")
         ]
-        rows += [_row(number, entry) for number, entry in enumerate(log, start=1)]
+        shown = {asked.query.id: asked.metadata.get("shown") for asked in log.asked}
+        labels = log.header.get("labels")
+        rows += [
+            _row(number, entry, shown.get(entry.answer.query.id), labels)
+            for number, entry in enumerate(log, start=1)
+        ]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         for row in rows:
             print(
@@ -164,11 +170,18 @@ def _complain(faults: list[BadLog | OSError]) -> int:
     return code
 
 
-def _row(number: int, entry: Entry) -> tuple[str, ...]:
-    """An answer in words."""
+def _row(
+    number: int, entry: Entry, put: Mapping[str, Any] | None, labels: Sequence[str] | None
+) -> tuple[str, ...]:
+    """Return an answer in words: those of the screen, if the log says how it was put."""
     verdict = entry.answer.verdict
-    word = "cannot tell" if verdict is None else {1: "left", 0: "equal", -1: "right"}[int(verdict)]
+    sides, about = {1: "left", -1: "right"}, " ".join(entry.answer.query.about.split())
     shown = " (shown right to left)" if entry.answer.swapped else ""
+    if put is not None and labels is not None:
+        sides = {1: "B", -1: "A"} if entry.answer.swapped else {1: "A", -1: "B"}
+        about = "; ".join(f"{side.upper()}: {_counted(put[side], labels)}" for side in "ab")
+        about, shown = f"{about} (of {put['of']} {put['unit']})", ""
+    word = "cannot tell" if verdict is None else {0: "equal", **sides}[int(verdict)]
     standing = ", repeat" if entry.repeat else "" if entry.used else ", unused"
     state = ", withdrawn" if entry.retracted else standing
     said = {
@@ -185,5 +198,11 @@ def _row(number: int, entry: Entry) -> tuple[str, ...]:
         query.id,
         word + shown + state,
         latency,
-        " ".join(query.about.split()),
+        about,
     )
+
+
+def _counted(counts: Sequence[int], labels: Sequence[str]) -> str:
+    """Return counts (k,) of outcomes in words, best level first."""
+    named = [f"{n} {label}" for n, label in zip(counts, labels, strict=True) if n]
+    return " and ".join(reversed(named))

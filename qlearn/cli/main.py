@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import os
+import sys
 from collections.abc import Sequence
 
-from qlearn.cli import ablate, figures, log, teach
+from qlearn.cli import ablate, figures, log, result, teach
 from qlearn.cli.options import without
 
 
@@ -25,13 +27,20 @@ def main(argv: Sequence[str] | None = None) -> int:
     figures.add_to(commands)
     log.add_to(commands)
     teach.add_to(commands)
+    result.add_to(commands)
     options = vars(parser.parse_args(argv))
     if "settings" not in options:
-        return int(options.pop("command")(**options))
+        try:
+            code = int(options.pop("command")(**options))
+            sys.stdout.flush()
+        except BrokenPipeError:  # whoever reads, such as head, has read enough
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return 1
+        return code
     command, settings, preset = (options.pop(name) for name in ("command", "settings", "preset"))
     where = {name: options.pop(name) for name in ("out", "jobs", "fresh")}
     try:
-        code: int = command(settings(**preset | options), **where)
+        code = command(settings(**preset | options), **where)
     except ModuleNotFoundError as error:
         code = without(error)
     return code

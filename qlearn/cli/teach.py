@@ -22,6 +22,8 @@ _PROBLEM = NameOrOwn(_TAUGHT, "(seed) returns an OrdinalMDP, or (mdp, elicit.Wor
 _PORT = Number(int, lambda n: 0 <= n <= 65535, "a port, from 1 to 65535, or 0 for a free one")
 _HOST = "127.0.0.1"
 _AUDIT = 0.1
+RECIPE = "recipe"
+"""The field of a log's header that holds the options of ``qlearn teach`` that began it."""
 _DAYS = Number(int, lambda n: n >= 2, "a whole number of at least 2")
 
 
@@ -44,19 +46,20 @@ def add_to(commands: Any) -> None:
         "question, and says at the end what was learned. Leave at any moment, and start the same "
         "command to go on. "
         "Answers are lines of standard input: a, b, e (equal), ? (cannot tell), u (undo), w (why), "
-        "q (quit).",
+        "f (finish now), q (quit).",
     )
     command.set_defaults(command=run)
     command.add_argument(
         "--problem",
-        type=_problem,
+        type=problem_parser,
         default="icu-sepsis",
         metavar=f"{{{','.join(_TAUGHT)},package.module:function,FILE.csv}}",
         help="what to learn: function(seed) returns an OrdinalMDP, alone or as the first of a "
         "tuple, perhaps with "
         "elicit.Words for its questions; a CSV lists alternatives to choose from: its header names "
         "the levels, "
-        "worst first, after a first column with the alternatives' names [%(default)s]",
+        "worst first, after a first column with the alternatives' names, and FILE.words.json says "
+        "what its counts stand for [%(default)s]",
     )
     command.add_argument(
         "--comparator",
@@ -105,8 +108,7 @@ def add_to(commands: Any) -> None:
         default=_AUDIT,
         metavar="X",
         help="in front of this share of the questions an earlier one is put again, to see whether "
-        "the answers agree; "
-        "nothing is learned from it [%(default)s]",
+        "the answers agree, and more where too few were; 0: none [%(default)s]",
     )
     page = command.add_argument_group(
         "in the browser", "The answers stay on this machine, and only it is listened to."
@@ -154,6 +156,7 @@ def run(
 ) -> int:
     """Run the command and return the exit code."""
     from elicit import AnswerLog, Session
+    from elicit.person.showing import printable
     from qlearn.cli.teach_subjects import taught_by
     from qlearn.cli.teach_terminal import Terminal
 
@@ -174,8 +177,19 @@ def run(
     with ExitStack() as stack:
         try:
             taught = taught_by(problem, comparator, days, unit, seed, tolerance)
+            if taught.hint:
+                print(printable(taught.hint), file=sys.stderr, flush=True)
             print("Getting ready ...", file=sys.stderr, flush=True)
-            kept = stack.enter_context(AnswerLog(path, len(taught.subject.labels), taught.header))
+            recipe = {
+                "problem": name,
+                "comparator": comparator,
+                "days": days,
+                "unit": unit,
+                "seed": seed,
+                "tolerance": tolerance,
+            }
+            header = {**taught.header, **_begun_with(path, recipe)}
+            kept = stack.enter_context(AnswerLog(path, len(taught.subject.labels), header))
             session = stack.enter_context(Session(taught.make, kept, audit=audit, seed=seed))
         # a package is missing, a problem cannot be, a log is in use, damaged, another's, or not to
         # be written
@@ -186,6 +200,23 @@ def run(
         if page["web"]:
             return _served(session, taught.subject, shlex.join(again), page)
         return Terminal(session, taught.subject, shlex.join(again)).converse()
+
+
+def _begun_with(path: Path, recipe: dict[str, Any]) -> dict[str, Any]:
+    """Return the header field with the options that began a log: those in the file, if it has any.
+
+    A log may be gone on with other options. One without the field stays as it is.
+    """
+    from elicit import AnswerLog
+    from elicit.tutors.log_lines import BadLog
+
+    try:
+        header = AnswerLog.read(path, []).header
+    except (BadLog, OSError):
+        return {RECIPE: recipe}  # a new log, or one that opening it refuses
+    if "k" not in header:
+        return {RECIPE: recipe}
+    return {RECIPE: header[RECIPE]} if RECIPE in header else {}
 
 
 def _served(session: Session, subject: Subject, again: str, page: PageOptions) -> int:
@@ -212,7 +243,7 @@ def _served(session: Session, subject: Subject, again: str, page: PageOptions) -
     return 0
 
 
-def _problem(text: str) -> Any:
+def problem_parser(text: str) -> Any:
     """An argparse type: as ``part_parser``, or the path of a CSV file."""
     if text.lower().endswith(".csv"):
         return text

@@ -9,7 +9,7 @@ import csv
 import hashlib
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,35 +17,49 @@ from typing import Any
 import numpy as np
 
 from elicit.asking.bags import Bags
-from elicit.asking.choose_from_list import Choice, choose
-from elicit.model.comparator import wrong_of
-from elicit.model.outcomes import Status, assumed_of_answers
+from elicit.asking.choose_from_list import choose
 from elicit.model.scale import Floats
 from elicit.person.asker import MakeAsker
+from elicit.person.course.conclusion import Facts, per_hundred
 from elicit.person.interview import Subject
 from elicit.person.showing import Words
+from qlearn.cli.conclusions import (
+    Told,
+    choice_conclusion,
+    choice_stakes,
+    icu_dose,
+    policy_conclusion,
+    policy_stakes,
+)
 from qlearn.experiments.catalogue import COMPARATORS, PROBLEMS
 from qlearn.experiments.factories import Own
-from qlearn.learners.learner import Result
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
-from qlearn.mdp.planning import optimal_policy
 from qlearn.problems.families.words import WORDS
 
 _RANDOM = (30, 3, 5, 0.9)  # states, actions, levels, discount
-_MOST_STATES = 12  # that are listed
 
 
 @dataclass(frozen=True, eq=False)
 class Taught:
-    """A subject, how its asker is made, and the header of its log.
+    """A subject that a person can teach.
 
-    ``make`` takes what was answered before.
+    Attributes
+    ----------
+    subject : Subject
+    make : MakeAsker
+        Makes whoever asks, from what it is to know.
+    header : dict
+        The fields that the header of the log must have.
+    hint : str
+        A sentence to whoever starts the program on what the problem should say; "" if nothing is
+        missing.
     """
 
     subject: Subject
     make: MakeAsker
     header: dict[str, Any]
+    hint: str = ""
 
 
 def taught_by(
@@ -69,11 +83,39 @@ def taught_by(
         )
 
     finer = f"For finer ones start again with --days {2 * days}: what you answered stays."
-    report, stakes = (
-        partial(_policy_report, mdp, tolerance, legend),
-        partial(_policy_stakes, tolerance),
+    names = icu_dose if problem == "icu-sepsis" else mdp.action_name
+    told = Told(mdp.labels, words, tolerance)
+    subject = Subject(
+        mdp.labels,
+        words,
+        days,
+        stakes=partial(policy_stakes, told),
+        finer=finer,
+        seed=seed,
+        conclude=partial(policy_conclusion, told, mdp, names, legend),
+        facts=_facts(problem, header, comparator, seed, ("Tolerance", per_hundred(tolerance))),
     )
-    return Taught(Subject(mdp.labels, words, days, report, stakes, finer, seed), make, header)
+    return Taught(subject, make, header)
+
+
+def _facts(
+    problem: str | Own, header: dict[str, Any], comparator: str, seed: int, *more: tuple[str, str]
+) -> Facts:
+    """Return the facts that a report names."""
+    name = problem if isinstance(problem, str) else problem.name
+    assumed = {
+        "polytope": "It assumes that every answer you gave is right. One wrong answer can make it "
+        "wrong.",
+        "posterior": "It allows for errors, and holds with 95% probability on average over the "
+        "scales that it assumed before your first answer.",
+    }
+    of = (
+        ("Problem", f"{name} ({header['problem']})"),
+        ("Comparator", comparator),
+        *more,
+        ("Seed", f"{seed}"),
+    )
+    return Facts(of, (assumed[comparator],) if comparator in assumed else ())
 
 
 def _header(labels: tuple[str, ...], fingerprint: str, words: Words, **more: Any) -> dict[str, Any]:
@@ -98,110 +140,44 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
         return entry.family(seed), WORDS[problem], ""
     if entry.factory is None:
         mdp, _ = entry.instance(seed, _RANDOM)
-        preamble = "Level 1 is the worst. There is no right or wrong answer."
+        preamble = "Level 1 is the worst."
         return mdp, Words(title="A random problem", preamble=preamble), ""
     preamble = (
-        "The patients are alike at the start. Each is then in the condition shown, all for equally "
-        "long. Mild to "
-        "critical are sepsis in intensive care: SOFA scores up to about 4.7, 6.5, 8.6, and above. "
-        "Choose the group you "
-        "would rather see, as a whole. There is no right or wrong answer. For research on "
-        "algorithms; not medical "
-        "advice."
+        "The patients are alike at the start. Choose the group that you would rather see, as a "
+        "whole. The SOFA score measures organ failure from 0 to 24, and higher is worse. The four "
+        "middle conditions are quarters of the patients in the data, not clinical categories."
     )
     legend = (
-        "A state is a cluster of similar patients; mild to critical are quarters of them, no "
-        "clinical categories. "
-        "Doses are those of 4 hours: 0 is none, and 1 to 4 are the lowest to the highest quarter "
-        "of the doses given. "
-        "All comes from a benchmark's tables: for research on algorithms; not medical advice."
+        "A state is a cluster of similar patients. Doses are for 4 hours: low, medium, high and "
+        "very high are quarters of the doses given."
     )
-    return (
-        entry.factory(),
-        Words("patients", "fare", "ICU-Sepsis", preamble, "which is better off?"),
-        legend,
+    words = Words(
+        "patients",
+        "fare",
+        "ICU-Sepsis",
+        preamble,
+        "which is better off?",
+        duration="Each patient stays in the condition shown for 30 days.",
+        levels=(
+            "Died in hospital",
+            "In intensive care, SOFA score above 8.6",
+            "In intensive care, SOFA score 6.5 to 8.6",
+            "In intensive care, SOFA score 4.7 to 6.5",
+            "In intensive care, SOFA score up to 4.7",
+            "Alive and out of intensive care",
+        ),
+        purpose="It works out how good each condition is to you, and plans sepsis treatment to "
+        "match.",
+        note="For research on algorithms. Not medical advice.",
+        loss="{n} patients dying instead of recovering",
     )
-
-
-def _policy_report(mdp: OrdinalMDP, tolerance: float, legend: str, result: Result) -> list[str]:
-    """Return sentences on what the policy can lose, and where it differs.
-
-    It is compared with the policy of equal gaps between the levels.
-    """
-    bound = f"{_percent(result.loss_bound)} ({_sure(result)})"
-    lines = [
-        f"The plan learned falls short of your best plan by at most {bound}; "
-        f"{_whole_way(mdp.labels)}."
-    ]
-    if result.status is Status.WAITING:
-        lines.append("It is not finished: more could be asked.")
-    elif result.status is Status.CONVERGED:
-        lines += [
-            f"It is finished: questions end at {100 * tolerance:g}%. What is still open about the "
-            "levels "
-            "matters less than that to the plan.",
-            f"For a smaller shortfall start again with --tolerance {tolerance / 10:g}: what you "
-            "answered stays.",
-        ]
-    elif result.status is Status.UNSURE:
-        lines.append(
-            "It is finished, but where you could not tell, two courses were taken for equally "
-            "good: so this may be "
-            f"more than the {100 * tolerance:g}% at which questions would end otherwise."
-        )
-    else:
-        lines.append(f"It is {result.status.value}.")
-    equal = optimal_policy(mdp, np.linspace(0.0, 1.0, mdp.k), result.policy)
-    states = np.flatnonzero((equal != result.policy) & ~mdp.terminal).tolist()
-    live = int(np.count_nonzero(~mdp.terminal))
-    if not states:
-        return [*lines, "It acts as if the steps between the levels were equal."]
-    differs = (
-        f"In {len(states)} of {live} states it acts otherwise than if the steps between the levels "
-        "were equal."
-    )
-    lines.append(f"{differs} {legend}".strip())
-    action = "action " if mdp.action_names is None else ""
-    for s in states[:_MOST_STATES]:
-        one, other = (mdp.action_name(int(actions[s])) for actions in (result.policy, equal))
-        lines.append(f"  state {mdp.state_name(s)}: {action}{one}, not {other}")
-    more = len(states) - _MOST_STATES
-    return [*lines, f"  and {more} more"] if more > 0 else lines
-
-
-def _whole_way(labels: tuple[str, ...]) -> str:
-    """Return a phrase on the unit of a loss."""
-    return f"100% is from all {labels[0]} to all {labels[-1]}"
-
-
-def _policy_stakes(tolerance: float, result: Result) -> str | None:
-    """Return a sentence on what the policy learned so far can lose."""
-    if np.isnan(result.loss_bound):
-        return None
-    return (
-        "The plan learned so far may fall short of your best plan by up to "
-        f"{_percent(result.loss_bound)}; questions "
-        f"end at {100 * tolerance:g}%."
-    )
-
-
-def _percent(share: float) -> str:
-    """Rounded up, so that it still bounds."""
-    return f"{max(0.0, np.ceil(share * 1e4 - 1e-9)) / 100:g}%"
-
-
-def _sure(result: Result | Choice) -> str:
-    """Return a phrase on how certain a bound is."""
-    if result.confidence == 1.0:
-        return assumed_of_answers(wrong_of(result.comparator), "your")
-    return f"with {result.confidence:.0%} probability"
+    return entry.factory(), words, legend
 
 
 def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int) -> Taught:
     labels, names, vectors = read_alternatives(path)
-    words = Words(
-        unit or "outcomes", title=path.stem, preamble="There is no right or wrong answer."
-    )
+    words, hint = _words_of(path, labels)
+    words = words if unit is None else replace(words, unit=unit)
     content = json.dumps([labels, names, vectors.tolist()]).encode()
     header = _header(labels, hashlib.blake2b(content, digest_size=16).hexdigest(), words)
 
@@ -212,33 +188,59 @@ def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int)
         made = COMPARATORS[comparator].make(len(labels), seed)
         return choose(shares, made, names=names, labels=labels, known=known)
 
-    report, stakes = partial(_choice_report, labels), partial(_choice_stakes, labels)
     finer = (
         f"Round the numbers in {path.name} to counts of the same total, and start with a new log."
     )
-    return Taught(Subject(labels, words, days, report, stakes, finer, seed), make, header)
-
-
-def _choice_report(labels: tuple[str, ...], result: Choice) -> list[str]:
-    bound = f"{_percent(result.loss_bound)} ({_sure(result)})"
-    finished = result.status is not Status.WAITING
-    status = result.status.sentence if finished else "Not finished: more could be asked."
-    return [
-        f"Your choice: {result.name}.",
-        status,
-        f"No other is better by more than {bound}; {_whole_way(labels)}.",
-    ]
-
-
-def _choice_stakes(labels: tuple[str, ...], result: Choice) -> str | None:
-    """Return a sentence on what the choice can lose."""
-    if np.isnan(result.loss_bound):
-        return None
-    most = _percent(result.loss_bound)
-    return (
-        f"The best guess so far is not certain: another one may be better by up to {most}; "
-        f"{_whole_way(labels)}."
+    told = Told(labels, words, 0.0)
+    subject = Subject(
+        labels,
+        words,
+        days,
+        stakes=partial(choice_stakes, told),
+        finer=finer,
+        seed=seed,
+        conclude=partial(choice_conclusion, told, names),
+        facts=_facts(str(path), header, comparator, seed),
     )
+    return Taught(subject, make, header, hint)
+
+
+def _words_of(path: Path, labels: tuple[str, ...]) -> tuple[Words, str]:
+    """Return the words of a CSV file, and a sentence on what to write there if they are missing.
+
+    They stand in a JSON file beside it.
+
+    Raises ValueError that says what is wrong with it, and OSError.
+    """
+    beside = path.with_suffix(".words.json")
+    if not beside.exists():
+        example = {"title": "A title", "unit": "patients", "preamble": "What a count stands for."}
+        hint = (
+            f"{path.name} does not say what its counts stand for, so they are called outcomes. "
+            f"Write it in {beside.name}, for example {json.dumps(example)}"
+        )
+        return Words("outcomes", title=path.stem.replace("_", " ").replace("-", " ")), hint
+    try:
+        said = json.loads(beside.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{beside} is no JSON: {error}") from None
+    known = [field.name for field in fields(Words)]
+    if not isinstance(said, dict) or not set(said) <= set(known):
+        raise ValueError(
+            f"{beside} must hold one object with some of the names {', '.join(known)}, and levels "
+            "as an object of texts by the names of levels"
+        )
+    meanings = said.pop("levels", {})
+    if not isinstance(meanings, dict) or not set(meanings) <= set(labels):
+        raise ValueError(
+            f"levels in {beside} must be an object of texts by the names of levels, some of "
+            f"{', '.join(labels)}"
+        )
+    wrong = [name for name, text in [*said.items(), *meanings.items()] if type(text) is not str]
+    if wrong:
+        raise ValueError(f"{wrong[0]!r} in {beside} must be a text")
+    levels = tuple(meanings.get(label, "") for label in labels) if meanings else ()
+    return Words(**{"unit": "outcomes", "title": path.stem, **said}, levels=levels), ""
 
 
 def read_alternatives(path: Path) -> tuple[tuple[str, ...], list[str], Floats]:
@@ -271,6 +273,12 @@ def read_alternatives(path: Path) -> tuple[tuple[str, ...], list[str], Floats]:
         raise ValueError(
             f"{path} names levels, but no alternative to choose from: add a line for each"
         )
+    if all(map(_is_number, header)):
+        raise ValueError(
+            f"the first line of {path} holds numbers: it must name a column of names and then the "
+            "levels, worst first, such as name,died,ill,well"
+        )
+    unnamed = all(_is_number(cells[0]) for _, cells in rows[1:])
     vectors = []
     for number, cells in rows[1:]:
         where = f"line {number} of {path}"
@@ -278,6 +286,12 @@ def read_alternatives(path: Path) -> tuple[tuple[str, ...], list[str], Floats]:
             raise ValueError(f"{where} has {len(cells)} cells, but the header has {len(header)}")
         vectors.append([_number(cell, where) for cell in cells[1:]])
         total, first = sum(vectors[-1]), sum(vectors[0])
+        if unnamed and first > 0 and abs(total - first) > 1e-9 * first:
+            raise ValueError(
+                f"the first column of {path}, {header[0]!r}, holds numbers, and without it the "
+                f"totals differ: it must hold the names of the alternatives. If {header[0]!r} is a "
+                "level, put a column of names in front of it"
+            )
         if not first > 0 or abs(total - first) > 1e-9 * first:
             raise ValueError(
                 f"{where} has the total {total:g}, and the first alternative {first:g}: give all "
@@ -291,6 +305,14 @@ def _rows(reader: Any) -> Iterator[tuple[int, list[str]]]:
     """The number of each line, and its cells."""
     for cells in reader:
         yield reader.line_num, [cell.strip() for cell in cells]
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _number(cell: str, where: str) -> float:

@@ -16,7 +16,7 @@ from elicit.person.showing import NARROWEST, Choice, printable
 from elicit.tutors.log_lines import BadLog
 from qlearn.cli.options import fail
 
-_Key = Choice | Literal["undo", "why", "quit"]
+_Key = Choice | Literal["undo", "why", "finish", "quit"]
 _MEANS: dict[str, _Key] = {
     **dict.fromkeys(("a", "left", "1"), "a"),
     **dict.fromkeys(("b", "right", "2"), "b"),
@@ -24,11 +24,14 @@ _MEANS: dict[str, _Key] = {
     **dict.fromkeys(("?", "cannot tell", "unknown"), "cannot tell"),
     **dict.fromkeys(("u", "undo"), "undo"),
     **dict.fromkeys(("w", "why"), "why"),
+    **dict.fromkeys(("f", "finish"), "finish"),
     **dict.fromkeys(("q", "quit", "exit"), "quit"),
 }
-_KEYS = "a or b: that one; e: equal; ?: cannot tell; u: undo; w: why; q: quit"
+_KEYS = "a or b: that one; e: equal; ?: cannot tell; u: undo; w: why; f: finish now; q: quit"
 _KEYS_AT_THE_END = "Enter: what was learned; u: undo; q: quit"
+_KEYS_WITH_MORE = "Enter: what was learned; m: more questions; u: undo; q: quit"
 _WIDEST = 100
+_MOST_CHANGES = 12  # lines of a table
 _BAR = 40  # columns of an interval, at most
 _LEAST_BAR = 10
 
@@ -66,6 +69,9 @@ class Terminal:
         for part in (screen["title"], screen["preamble"]):
             if part:
                 self._say(part)
+        self._legend(screen["legend"])
+        if screen["note_beside"]:
+            self._say(screen["note_beside"])
         if screen["answered"]:
             self._say(f"Going on after {_answers(screen['answered'])}.")
         while True:
@@ -73,27 +79,39 @@ class Terminal:
                 self._say(screen["note"])
                 screen["note"] = None  # once
             match screen["stage"]:
+                case "welcome":
+                    self._welcome(screen["welcome"])
+                    screen = self._handle("start")
+                    continue
                 case "practice":
-                    self._say("\nFirst one to practise, whose answer does not count.\n")
+                    self._say("\nPractice question: your answer is not saved.\n")
                     key = self._put()
                 case "question":
                     self._say(
                         f"\nQuestion {screen['question']['number']}{self._more_to_come(screen)}\n"
                     )
                     key = self._put()
+                case "conflict" | "offer":
+                    after = self._one_of(screen)
+                    if after is None:
+                        return self._leave(0)
+                    screen = after
+                    continue
                 case _:
-                    open_still = (
-                        f" of whole numbers. {self._finer}" if screen["end"]["open"] else "."
-                    )
-                    self._say(f"\nThere are no more questions{open_still}")
-                    self._say(_KEYS_AT_THE_END)
-                    key = self._read({"": "done"}, "done", _KEYS_AT_THE_END)
+                    self._say(f"\n{self._at_the_end(screen['end'])}")
+                    keys = _KEYS_WITH_MORE if screen["end"]["more"] else _KEYS_AT_THE_END
+                    self._say(keys)
+                    key = self._read({"": "done", "m": "more"}, "done", keys)
             match key:
                 case "done":
-                    self._report(screen["end"])
+                    self._report(screen)
                     return 0
                 case "quit":
                     return self._leave(0)
+                case "more":
+                    screen = self._handle("more")
+                case "finish":
+                    screen = self._handle("finish")
                 case "why":
                     self._why(screen)
                 case "undo" if screen["stage"] != "practice":
@@ -105,6 +123,51 @@ class Terminal:
                     screen = self._handle("practised", choice=key)
                 case _:
                     screen = self._handle("answer", id=screen["question"]["id"], choice=key)
+
+    def _at_the_end(self, end: dict[str, Any]) -> str:
+        """Return a sentence on whether more could be asked."""
+        if end["open"]:
+            return f"There are no more questions in whole numbers. {self._finer}"
+        if end["finished"]:
+            return "There are no more questions."
+        return "This is the result so far. More could be asked."
+
+    def _legend(self, legend: dict[str, Any]) -> None:
+        """Print what the levels mean, best first."""
+        if legend["duration"]:
+            self._say(legend["duration"])
+        for level in legend["levels"]:
+            if level["meaning"]:
+                self._say(f"  - {level['label']}: {level['meaning']}")
+
+    def _welcome(self, welcome: dict[str, Any]) -> None:
+        """Print what is at stake, and that it can be left at any time."""
+        for sentence in (welcome["purpose"], welcome["before"]):
+            if sentence:
+                self._say(sentence)
+        self._say("Your answers stay on this computer. You can finish at any time with f.")
+
+    def _one_of(self, screen: dict[str, Any]) -> dict[str, Any] | None:
+        """Print a conflict or an offer, and return the screen after the choice; None to leave."""
+        found = screen[screen["stage"]]
+        self._say(f"\n{found['heading']}. {found['text']}")
+        for answer in found.get("answers", []):
+            self._say(f"  - {answer['name']}: {answer['sentence']}")
+        options = found.get("choices") or found["options"]
+        for number, option in enumerate(options, 1):
+            self._say(f"{number}: {option['label']}")
+        numbers = {f"{i}": f"{i}" for i in range(1, len(options) + 1)}
+        key = self._read(numbers, "quit", f"a number from 1 to {len(options)}; u: undo; q: quit")
+        if key == "quit":
+            return None
+        if key == "undo":
+            return self._handle("undo", id=screen["last"]["id"])
+        chosen = options[int(key) - 1]
+        if screen["stage"] == "conflict":
+            return self._handle("settle", id=found["id"], choice=chosen["choice"])
+        return (
+            None if chosen["option"] == "pause" else self._handle("choose", option=chosen["option"])
+        )
 
     def _put(self) -> str:
         """Show the question; what the person wants."""
@@ -119,7 +182,7 @@ class Terminal:
         It says as much as was computed meanwhile.
         """
         if screen["stage"] == "practice":
-            self._say("To try the keys.")
+            self._say("It is there to try the keys.")
             return
         beside = self._handle("outlook", id=screen["question"]["id"])
         for sentence in beside["why"]:
@@ -140,30 +203,8 @@ class Terminal:
             else " (perhaps the last one)"
         )
 
-    def _report(self, end: dict[str, Any]) -> None:
-        counts = end["counts"]
-        kinds = ("equal", "equal"), ("cannot tell", "cannot tell"), ("unused", "not used")
-        among = ", ".join(
-            f"{counts[n]} {name}"
-            for n, name in (*kinds, ("withdrawn", "more taken back"))
-            if counts[n]
-        )
-        self._say(f"\n{_answers(counts['answered'])}{f' ({among})' if among else ''}\n")
-        if end["scale"]:
-            for line in scale_report(
-                [ScaleRow(**row) for row in end["scale"]], end["certainty"], self._width
-            ):
-                print(line)
-        self._say("")
-        for line in end["statements"]:
-            self._say(line)
-        for conflict in end["conflicts"]:
-            self._say(
-                f"\nThese {len(conflict)} answers do not go together; to change any one of them "
-                "would mend it:"
-            )
-            for entry in conflict:
-                self._say(f"  - {entry['sentence']}")
+    def _report(self, screen: dict[str, Any]) -> None:
+        say_report(screen, self._width)
         self._say(f"\nAll answers are in {self._log.path}.")
 
     def _leave(self, code: int) -> int:
@@ -190,30 +231,81 @@ class Terminal:
             if not sys.stdin.isatty():
                 print(printable(said[:40]))  # as a terminal would have shown it
             meant = more.get(said) or _MEANS.get(said)
-            if meant is not None and (not more or meant in ("undo", "quit", *more.values())):
+            if said in more or (meant is not None and (not more or meant in ("undo", "quit"))):
+                assert meant is not None
                 return meant
             if said:
                 self._say(f"{said[:40]!r} is no answer here. {keys}")
 
     def _say(self, text: str) -> None:
-        """Print a paragraph, wrapped.
+        say(text, self._width)
 
-        Further lines of an item ("  - ...") are indented; empty lines at its ends stay.
-        """
-        before, after = len(text) - len(text.lstrip("\n")), len(text) - len(text.rstrip("\n"))
-        item = len(text) - len(text.lstrip(" -"))
-        further = " " * (item + 2 * (item == 2))
-        said = textwrap.wrap(
-            printable(text.strip("\n")),
-            self._width,
-            subsequent_indent=further,
-            break_on_hyphens=False,
-        )
-        print("\n" * before + "\n".join(said) + "\n" * (after if said else 0), flush=True)
+
+def say(text: str, width: int) -> None:
+    """Print a paragraph, wrapped.
+
+    Further lines of an item ("  - ...") are indented, and empty lines at its ends stay.
+    """
+    before, after = len(text) - len(text.lstrip("\n")), len(text) - len(text.rstrip("\n"))
+    item = len(text) - len(text.lstrip(" -"))
+    further = " " * (item + 2 * (item == 2))
+    said = textwrap.wrap(
+        printable(text.strip("\n")),
+        width,
+        subsequent_indent=further,
+        break_on_hyphens=False,
+    )
+    print("\n" * before + "\n".join(said) + "\n" * (after if said else 0), flush=True)
+
+
+def say_report(screen: dict[str, Any], width: int) -> None:
+    """Print what was learned, by the screen at the end."""
+    for line in report_lines(screen, width):
+        if line.startswith("    "):  # a row of the scale, which fits
+            print(line)
+        else:
+            say(line, width)
 
 
 def _answers(n: int) -> str:
     return f"{n} answer{'' if n == 1 else 's'}"
+
+
+def report_lines(screen: dict[str, Any], width: int) -> list[str]:
+    """Return what was learned, as lines and paragraphs."""
+    end = screen["end"]
+    counts = end["counts"]
+    kinds = (
+        ("equal", "equal"),
+        ("cannot tell", "cannot tell"),
+        ("unused", "ignored because they contradict others"),
+        ("withdrawn", "more taken back"),
+    )
+    among = ", ".join(f"{counts[n]} {name}" for n, name in kinds if counts[n])
+    lines = [f"\n{_answers(counts['answered'])}{f' ({among})' if among else ''}\n"]
+    if counts["repeated"]:
+        questions = "question was" if counts["repeated"] == 1 else "questions were"
+        lines.append(
+            f"{counts['alike']} of {counts['repeated']} repeated {questions} answered as before."
+        )
+    said = (end["headline"], end["caution"], end["sure"], end["before"], end["next"])
+    lines += [sentence for sentence in said if sentence]
+    if end["scale"]:
+        rows = [ScaleRow(**row) for row in end["scale"]]
+        lines += ["", *scale_report(rows, end["certainty"], width), ""]
+    lines += end["statements"]
+    if changes := end["changes"]:
+        lines += [f"\n{changes['title']}.", changes["note"]]
+        for state, other, mine in changes["rows"][:_MOST_CHANGES]:
+            lines.append(f"  - {state}: {mine}, not {other}")
+        more = len(changes["rows"]) - _MOST_CHANGES
+        lines += [f"  - and {more} more"] if more > 0 else []
+    for conflict in end["conflicts"]:
+        many = "These answers contradict each other. Withdrawing any one of them fixes it."
+        one = "This answer goes against the order of the levels."
+        lines.append(f"\n{one if len(conflict) == 1 else many}")
+        lines += [f"  - {entry['sentence']}" for entry in conflict]
+    return [*lines, *end["limits"]]
 
 
 def scale_report(rows: Sequence[ScaleRow], certainty: str, width: int) -> list[str]:
@@ -221,8 +313,8 @@ def scale_report(rows: Sequence[ScaleRow], certainty: str, width: int) -> list[s
 
     The best level comes first, values run from 0 to 100, and lines have at most so many columns.
     """
-    name = min(max(len(row.label) for row in rows), width - 20)
-    bar = min(_BAR, width - name - 22)
+    name = min(max(len(row.label) for row in rows), width - 24)
+    bar = min(_BAR, width - name - 26)
     said = (
         "What the levels are worth, from 0 to 100: 60 is as good as 60 of 100 at the best level "
         "and 40 at the worst "
@@ -231,14 +323,17 @@ def scale_report(rows: Sequence[ScaleRow], certainty: str, width: int) -> list[s
     lines = textwrap.wrap(said, width)
     for row in rows:
         known = "" if row.low == row.high else f"{row.low:.0f} to {row.high:.0f}"
-        line = f"  {row.label[:name]:{name}} {row.value:5.0f}  {known:9}"
-        lines.append(
-            f"{line}  {_bar(row.low, row.value, row.high, bar) if bar >= _LEAST_BAR else ''}".rstrip()  # noqa: E501
-        )
+        guess = f"{row.value:.0f}" if row.asked else "unknown"
+        picture = _bar(row.low, row.value if row.asked else None, row.high, bar)
+        line = f"    {row.label[:name]:{name}} {guess:>7}  {known:9}"
+        lines.append(f"{line}  {picture if bar >= _LEAST_BAR else ''}".rstrip())
     return lines
 
 
-def _bar(low: float, value: float, high: float, width: int) -> str:
-    """An interval of 0..100 as a line: "....--*---....."."""
-    at = [min(width - 1, int(x / 100.0 * width)) for x in (low, value, high)]
-    return "".join("*" if i == at[1] else "-" if at[0] <= i <= at[2] else "." for i in range(width))
+def _bar(low: float, value: float | None, high: float, width: int) -> str:
+    """Return an interval of 0..100 as a line: "....--*---.....", without "*" if it has no guess."""
+    at = [min(width - 1, int(x / 100.0 * width)) for x in (low, value or 0.0, high)]
+    return "".join(
+        "*" if value is not None and i == at[1] else "-" if at[0] <= i <= at[2] else "."
+        for i in range(width)
+    )

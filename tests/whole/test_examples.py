@@ -130,5 +130,5 @@ def test_the_page_is_served_from_a_program_answered_and_stopped(tmp_path):
         run.say("")
         code, errors = run.leave()
         assert not code, errors
-        assert "finished: 2 answered" in run.shown
+        assert "finished: 5 answered" in run.shown
         assert all(line in run.shown for line in statements)

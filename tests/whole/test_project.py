@@ -21,7 +21,8 @@ ORDER = (  # a folder imports from those before it; folders side by side do not 
     ("elicit.comparators.bradley_terry", "elicit.comparators.polytope"),
     ("elicit.tutors",),
     ("elicit.asking", "elicit.people"),
-    ("elicit.diagnostics", "elicit.person"),
+    ("elicit.diagnostics", "elicit.person.course"),
+    ("elicit.person",),
     ("elicit.person.hosts",),
     ("elicit",),  # the modules at the top, and __init__ itself
     ("qlearn.mdp", "qlearn.environments"),

@@ -33,7 +33,7 @@ def choosing(known: Any) -> Any:
 def test_what_is_no_message_is_refused(message: Any) -> None:
     with (
         Session(choosing, AnswerLog()) as session,
-        Interview(session, Subject(("x", "y", "z"))) as interview,
+        Interview(session, Subject(("x", "y", "z"), least=0)) as interview,
     ):
         screen = interview.handle({"do": "practised", "choice": "b"})
         with pytest.raises(ValueError, match="message"):
@@ -45,7 +45,7 @@ def test_a_choice_that_there_is_not_is_refused() -> None:
     log = AnswerLog()
     with (
         Session(choosing, log) as session,
-        Interview(session, Subject(("x", "y", "z"))) as interview,
+        Interview(session, Subject(("x", "y", "z"), least=0)) as interview,
     ):
         screen = interview.handle({"do": "practised", "choice": "b"})
         with pytest.raises(ValueError, match="choice"):
@@ -53,3 +53,29 @@ def test_a_choice_that_there_is_not_is_refused() -> None:
                 {"do": "answer", "id": screen["question"]["id"], "choice": "c" * 100_000}
             )
         assert not len(log)
+
+
+def test_an_asker_that_was_given_ends_with_its_last_question() -> None:
+    with (
+        Session(choosing(()), AnswerLog()) as session,
+        Interview(session, Subject(("x", "y", "z"))) as interview,
+    ):
+        screen = interview.handle({"do": "practised", "choice": "b"})
+        while screen["stage"] == "question":
+            told = {"id": screen["question"]["id"], "choice": "a"}
+            screen = interview.handle({"do": "answer", **told})
+        assert screen["stage"] == "end"
+        assert not screen["end"]["more"]
+        assert interview.handle({"do": "more"})["stage"] == "end"
+
+
+def test_a_budget_that_is_no_number_is_none() -> None:
+    with (
+        Session(choosing, AnswerLog()) as session,
+        Interview(session, Subject(("x", "y", "z"))) as interview,
+    ):
+        assert interview.handle({"do": "state"})["stage"] == "welcome"
+        for budget in ("", "0", "-3", "many", "1" * 30):
+            assert interview.handle({"do": "start", "budget": budget})["budget"] is None
+        assert interview.handle({"do": "start", "budget": "15"})["budget"] == 15
+        assert interview.handle({"do": "state"})["stage"] == "practice"

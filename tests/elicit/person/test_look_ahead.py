@@ -29,6 +29,7 @@ from tests.thoroughness import scaled
 
 K = 5
 LEVELS = tuple("abcde")
+SUBJECT = Subject(LEVELS, least=0)
 VECTORS = (
     np.random.default_rng(0).multinomial(20, np.ones(K) / K, 14).astype(float)
 )  # whole numbers can be shown
@@ -151,7 +152,7 @@ def reads_a_while(number: int) -> None:
 def interviewed(make: Any, reads: Callable[[int], None]) -> list[Any]:
     """What is in the log after an interview, in which some answers are taken back."""
     says, log = tutor(0.2), AnswerLog()
-    with Session(make, log) as session, Interview(session, Subject(LEVELS)) as interview:
+    with Session(make, log) as session, Interview(session, SUBJECT) as interview:
         interview.handle({"do": "state"})
         screen = interview.handle({"do": "practised", "choice": "a"})
         number = 0
@@ -217,7 +218,10 @@ class Slow:
 @pytest.fixture
 def slow() -> Iterator[tuple[Session, Interview, dict[str, Any]]]:
     Slow.told.clear()
-    with Session(Slow, AnswerLog()) as session, Interview(session, Subject(LEVELS)) as interview:
+    with (
+        Session(Slow, AnswerLog()) as session,
+        Interview(session, SUBJECT) as interview,
+    ):
         yield session, interview, interview.handle({"do": "practised", "choice": "a"})
 
 
@@ -244,7 +248,10 @@ def test_an_answer_waits_for_what_is_being_computed_of_it_and_for_nothing_else()
         return made
 
     main = threading.main_thread().name
-    with Session(slow, AnswerLog()) as session, Interview(session, Subject(LEVELS)) as interview:
+    with (
+        Session(slow, AnswerLog()) as session,
+        Interview(session, SUBJECT) as interview,
+    ):
         interview.handle({"do": "practised", "choice": "a"})
         for verdict, by_main in ((Verdict.BETTER, False), (Verdict.WORSE, True)):
             Slow.told.clear()
@@ -262,7 +269,10 @@ def test_an_answer_waits_for_what_is_being_computed_of_it_and_for_nothing_else()
 
 def test_an_asker_that_was_given_is_told_itself() -> None:
     asker = choosing(())
-    with Session(asker, AnswerLog()) as session, Interview(session, Subject(LEVELS)) as interview:
+    with (
+        Session(asker, AnswerLog()) as session,
+        Interview(session, SUBJECT) as interview,
+    ):
         screen = interview.handle({"do": "practised", "choice": "a"})
         for _ in range(3):
             reads_all(0)
@@ -279,7 +289,7 @@ def test_a_program_that_ends_without_closing_ends_at_once() -> None:
         "Interview, Subject\n"
         "from tests.elicit.person.test_look_ahead import LEVELS, Slow\n"
         "session = Session(Slow, AnswerLog())\nsession.current_asker().seconds = 1.0\n"
-        "interview = Interview(session, Subject(LEVELS))\n"
+        "interview = Interview(session, Subject(LEVELS, least=0))\n"
         "interview.handle({'do': 'practised', 'choice': 'a'})\n"
         "while not Slow.told:\n    time.sleep(0.01)\n"
         "import atexit\natexit.register(lambda: print(len(Slow.told)))"

@@ -68,16 +68,14 @@ def to_its_end(asker: Any, values: Any) -> list[Verdict | None]:
 def test_why_names_what_is_open_in_whole_numbers_that_hold() -> None:
     knows = PolytopeComparator(3)
     said = (
-        "It is still open how you weigh ill against a mixture of well and died: so far{} 1 ill "
-        "counts for something "
+        "We don't yet know how good you think “ill” is, from 0 (died) to 100 (well). So far it is "
     )
-    on_the_way = " on the way from died (0) to well (100)."
-    assert what_is_open(bag(5), knows) == said.format("") + "between 0 and 100" + on_the_way
+    assert what_is_open(bag(5), knows) == f"{said}between 0 and 100."
     d = np.array([[-0.667, 1, -0.333], [-0.2, 1, -0.8]])
     knows = knows.update(Answers(d, [1, -1]))  # above .333, below .8
-    assert what_is_open(bag(5, seed=3), knows) == said.format("") + "between 33 and 80" + on_the_way
+    assert what_is_open(bag(5, seed=3), knows) == f"{said}between 33 and 80."
     posterior = PosteriorComparator(3, particles=200)
-    assert said.format(", with 95% probability,") in str(what_is_open(bag(5), posterior))
+    assert str(what_is_open(bag(5), posterior)).endswith(" with 95% probability.")
 
 
 def test_why_of_other_questions_is_in_terms_of_the_sides_shown() -> None:
@@ -86,16 +84,16 @@ def test_why_of_other_questions_is_in_terms_of_the_sides_shown() -> None:
     for seed in range(8):
         shown = show(Query("q", [0.4, 0, 0.6, 0], [0, 0.7, 0, 0.3], labels=labels), seed=seed)
         said[shown.swapped] = what_is_open(shown, knows)
-    measure = ", where all well is worth 100 and all died 0."
-    start = "It is still open which of the two you would rather have: so far A may be worth up to "
+    measure = ", on a scale from 0 (all died) to 100 (all well)."
+    start = "We don't yet know which of the two you prefer. So far A may be up to "
     assert said == {
-        False: f"{start}30 more than B, or up to 40 less{measure}",
-        True: f"{start}40 more than B, or up to 30 less{measure}",
+        False: f"{start}30 better than B, or up to 40 worse{measure}",
+        True: f"{start}40 better than B, or up to 30 worse{measure}",
     }
     sure = show(Query("q", [0, 0, 0.1, 0.9], [0.5, 0.5, 0, 0], labels=labels))
-    assert (
-        what_is_open(sure, knows)
-        == f"It is still open how far apart the two are: so far 50 to 100{measure}"
+    assert what_is_open(sure, knows) == (
+        "We don't yet know how much better one of the two is. So far the difference is between 50 "
+        f"and 100{measure}"
     )
 
 
@@ -180,7 +178,7 @@ def test_nothing_is_said_of_what_nothing_tells() -> None:
 
 @pytest.mark.slow
 def test_an_interview_says_it_of_the_question_on_the_screen() -> None:
-    subject = Subject(MDP.labels, stakes=lambda result: f"{result.asked} so far.")
+    subject = Subject(MDP.labels, least=0, stakes=lambda result: f"{result.asked} so far.")
     with Session(learning, AnswerLog()) as session, Interview(session, subject) as interview:
         screen = interview.handle({"do": "practised", "choice": "a"})
         for asked in range(3):
@@ -189,7 +187,7 @@ def test_an_interview_says_it_of_the_question_on_the_screen() -> None:
                 threading.Event().wait(0.01)
             reply = interview.handle({"do": "outlook", "id": id})
             assert reply["id"] == id
-            assert reply["why"][0].startswith("It is still open how you weigh level ")
+            assert reply["why"][0].startswith("We don't yet know how good you think ")
             assert reply["why"][1] == f"{asked} so far."
             least, most = reply["to_come"]
             assert 0 <= least <= most

@@ -1,5 +1,6 @@
 """The report that a person keeps: all that was said, in a page that needs nothing else."""
 
+import re
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,7 @@ def asked(path: Path, *choices: str) -> dict[str, Any]:
     subject = Subject(
         LABELS,
         Words("people", title="A <title>"),
+        least=0,
         report=lambda _: ["It is", "  one <thing>", "All."],
     )
     with Session(lambda known: Listed(QUESTIONS[:3], known), path) as session:
@@ -62,6 +64,7 @@ def test_a_report_holds_every_answer_and_nothing_that_runs_or_is_elsewhere(tmp_p
     assert "2 answers (1 equally good, 1 cannot tell)." in page.text
     assert "cannot tell" in page.text
     assert '10 not "well" as good as ' in page.text
+    assert re.search(r"A: [^.]*\. B: [^.]*\. \(Of 10 people\.\)", page.text)
     assert "died & <i>gone</i> " in page.text
     log = AnswerLog.read(tmp_path / "mine.jsonl")
     assert f"in the file mine.jsonl, whose last line has the checksum {log.checksum}" in page.text
@@ -69,8 +72,8 @@ def test_a_report_holds_every_answer_and_nothing_that_runs_or_is_elsewhere(tmp_p
 
 
 def test_a_report_says_whether_more_could_be_asked(tmp_path: Path) -> None:
-    assert "Not finished: more could be asked." in asked(tmp_path / "a", "equal")["html"]
-    assert "Not finished" not in asked(tmp_path / "b", *["cannot tell"] * 3)["html"]
+    assert "Stopped early: more could be asked." in asked(tmp_path / "a", "equal")["html"]
+    assert "Stopped early" not in asked(tmp_path / "b", *["cannot tell"] * 3)["html"]
 
 
 @pytest.fixture
@@ -107,18 +110,12 @@ def test_a_report_marks_what_was_taken_back_repeated_or_does_not_go_together(
         {**one, "id": "y", "sentence": "y rather than x", "repeat": True, "time": None},
     ]
     page = Parts(report_page("", "today", end, answers, waiting=False))
-    assert (
-        "1 x rather than y 2026-01-02 03:04 does not go together with others, not used 2 "
-        in page.text
-    )
+    assert "1 x rather than y 2026-01-02 03:04 contradicts others, ignored 2 " in page.text
     assert "2 z rather than y 2026-01-02 03:04 taken back 3 " in page.text
-    assert page.text.endswith(
-        "3 y rather than x does not go together with others, asked again, to see how steady "
-        "answers are"
-    )
+    assert page.text.endswith("3 y rather than x contradicts others, asked again as a check")
     assert page.tags.count("s") == 1
-    assert "These 2 answers do not go together" in page.text
-    assert "3 answers (1 not used, 1 more taken back)." in page.text
+    assert "These 2 answers contradict each other" in page.text
+    assert "3 answers (1 ignored because they contradict others, 1 more taken back)." in page.text
 
 
 def test_the_scale_of_a_report_is_drawn_to_its_numbers(end: dict[str, Any]) -> None:

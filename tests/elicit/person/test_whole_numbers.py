@@ -12,7 +12,7 @@ from qlearn import InteractivePolicyIteration, draw_values, policy_loss, random_
 from tests.thoroughness import quick_first
 
 MDP, _ = random_mdp(12, 3, 5, discount=0.9, seed=3)
-SUBJECT = Subject(MDP.labels)
+SUBJECT = Subject(MDP.labels, least=0)
 
 
 def make(known: Any) -> Any:
@@ -122,10 +122,10 @@ def test_where_every_number_was_asked_the_session_ends():
     log = AnswerLog()
     with (
         Session(Stubborn, log) as session,
-        Interview(session, Subject(("bad", "good"))) as interview,
+        Interview(session, Subject(("bad", "good"), least=0)) as interview,
     ):
         screen = interview.handle({"do": "practised", "choice": "a"})
         while screen["stage"] == "question":
             screen = answer_one(interview, screen, [0, 1])
-        assert screen["end"]["open"].startswith("There is no finer question of whole numbers.")
+        assert screen["end"]["open"].startswith("There is no finer question in whole numbers.")
     assert [entry.answer.query.id for entry in log] == [f"q of {10**n}" for n in range(2, 7)]

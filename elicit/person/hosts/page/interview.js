@@ -5,6 +5,7 @@ const UNTOUCHED = 250; // ms after something is drawn in which no button works: 
 const SLOW = 400; // ms after which a wait is put into words
 const AGAIN = 1000; // ms between two looks at what is computed beside a question
 const KEYS = { ArrowLeft: "a", a: "a", ArrowRight: "b", b: "b", ArrowDown: "equal", "?": "cannot tell" };
+const SECONDS = 20; // that a question takes, until the person's own pace is known
 // from the worst level to the best; orange and blue, which nearly everybody tells apart
 const COLOURS = [[127, 39, 4], [217, 95, 14], [254, 196, 79], [198, 219, 239], [107, 174, 214], [8, 81, 156]];
 const NUMBERS = ["no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"];
@@ -15,11 +16,11 @@ const NUMBERS = ["no", "one", "two", "three", "four", "five", "six", "seven", "e
 export function mount(root, send, options = {}) {
   const {
     keys = root,
-    later = "To go on, start the same command again. It goes on where you are now.",
+    later = "To go on, start the same command again. It continues where you are now.",
     titled = () => {},
   } = options;
   let screen = null; // the last one drawn
-  let view = "stage"; // or "answers", or "pause", which are looked at beside it
+  let view = "stage"; // or "answers", "legend" or "pause", which are looked at beside it
   let listed = null; // the reply to "answers"
   let beside = null; // the reply to "outlook" for the question on the screen
   let drawn = false; // whether anything was
@@ -28,18 +29,26 @@ export function mount(root, send, options = {}) {
   let turn = 0; // counts what was done, to tell that a reply comes too late
   let following = 0;
   let untouched = 0; // a timer
+  let letters = remembered(); // whether single letters answer
+  let expected = null; // questions in all, as it looked last
+  let asked = 0; // questions answered in this window, and the seconds that they took, for the time left
+  let took = 0;
+  let since = 0;
 
   const banner = part("div", "banner", { role: "alert" });
   const brand = part("div", "brand");
   const progress = part("div", "place"); // .progress has a style in notebooks
+  const bar = part("div", "meter", { "aria-hidden": "true" }, [part("span")]);
   const note = part("p", "note", { role: "status" });
   const waiting = part("p", "waiting", { role: "status" });
   const body = part("div", "body");
   const saved = part("span", "saved", { role: "status" });
   const nav = part("div", "nav");
   const sheet = part("div", "sheet", { tabindex: "-1" }, [
-    part("div", "head", {}, [brand, progress]), banner, part("div", "middle", {}, [waiting, note, body]),
-    part("div", "foot", {}, [saved, nav]),
+    part("div", "head", {}, [part("div", "wrap", {}, [brand, progress]), part("div", "wrap", {}, [bar])]),
+    banner,
+    part("div", "middle", {}, [part("div", "wrap", {}, [waiting, note, body])]),
+    part("div", "foot", {}, [part("div", "wrap", {}, [saved, nav])]),
   ]);
   hide(banner);
   root.classList.add("elicit");
@@ -82,10 +91,14 @@ export function mount(root, send, options = {}) {
       view = "stage";
     }, lost);
 
-  const answer = (choice, words) =>
-    screen.stage === "practice"
-      ? show({ do: "practised", choice })
-      : show({ do: "answer", id: screen.question.id, choice }, `Your answer (${words}) has not been saved yet.`);
+  function answer(choice, words) {
+    if (screen.stage === "practice") return show({ do: "practised", choice });
+    body.querySelector(`[data-choice="${choice}"]`)?.closest(".card, .alt")?.classList.add("chosen");
+    const seconds = (Date.now() - since) / 1000;
+    if (seconds < 300) [asked, took] = [asked + 1, took + seconds];
+    const lost = `Your answer (${words}) has not been saved yet.`;
+    return show({ do: "answer", id: screen.question.id, choice }, lost);
+  }
 
   const undo = () => show({ do: "undo", id: screen.last.id }, "The last answer has not been taken back yet.");
 
@@ -101,14 +114,24 @@ export function mount(root, send, options = {}) {
       view = "answers";
     });
 
+  function save(text, type, name) {
+    const link = part("a", "", { href: URL.createObjectURL(new Blob([text], { type })) });
+    link.download = name;
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 60000);
+    return STAYS;
+  }
+
   const keep = () =>
     act(async () => {
       const report = await send({ do: "report" });
-      const link = part("a", "", { href: URL.createObjectURL(new Blob([report.html], { type: "text/html" })) });
-      link.download = report.name;
-      link.click();
-      setTimeout(() => URL.revokeObjectURL(link.href), 60000);
-      return STAYS;
+      return save(report.html, "text/html", report.name);
+    });
+
+  const download = (what, format) =>
+    act(async () => {
+      const file = await send({ do: "download", what, format });
+      return save(file.text, file.type, file.name);
     });
 
   function look(at) {
@@ -146,13 +169,17 @@ export function mount(root, send, options = {}) {
 
   function draw(moved) {
     following += 1;
+    since = Date.now();
     brand.replaceChildren(part("b", "", {}, [screen.title || "Your judgement"]));
     if (screen.title) brand.append(part("span", "soft", {}, ["your judgement"]));
-    const views = { stage: { practice: question, question, end }[screen.stage], answers, pause };
+    const stages = { welcome, practice: question, question, conflict: settling, offer, end };
+    const views = { stage: stages[screen.stage], answers, pause, legend: meaning };
     const [at, ...parts] = views[view]();
     const heading = part("h1", "heading", { tabindex: "-1" }, at.heading);
     body.replaceChildren(heading, ...parts);
+    sheet.dataset.stage = view === "stage" ? screen.stage : view;
     progress.replaceChildren(part("b", "", {}, [at.name]), part("span", "", {}, [at.more]));
+    fill(null);
     titled(screen.title ? `${at.name} - ${screen.title}` : at.name);
     say(note, view === "pause" ? "" : screen.note || "");
     foot();
@@ -169,34 +196,131 @@ export function mount(root, send, options = {}) {
     drawn = true;
   }
 
+  // How far the interview is: of the questions that the person planned, or of those that it will likely take.
+  function fill(most) {
+    const done = screen.answered;
+    if (most !== null) expected = done + 1 + most;
+    const all = screen.budget ?? expected;
+    bar.firstChild.style.width = screen.stage === "end" ? "100%" : all ? `${Math.min(100, (100 * done) / all)}%` : "0";
+    bar.hidden = ["welcome", "practice"].includes(screen.stage);
+  }
+
   function foot() {
     const n = screen.answered;
     const words = n ? `${n} ${n === 1 ? "answer" : "answers"} saved on this computer` : "Nothing answered yet";
     const tick = part("span", "tick", { "aria-hidden": "true" }, ["✓ "]);
     if (!saved.textContent.endsWith(words)) saved.replaceChildren(...(n ? [tick, words] : [words]));
+    const going = screen.stage !== "end" && screen.stage !== "welcome";
+    const lists = screen.stage === "welcome" ? [] : [yours()];
     nav.replaceChildren(
-      ...(view === "answers" ? [] : [button("link", "Your answers", list)]),
-      ...(view === "pause" ? [] : [button("link", "Pause, go on later", () => look("pause"))]),
+      ...(hasLegend() && view !== "legend" ? [button("link", "What the levels mean", () => look("legend"))] : []),
+      ...(view === "answers" ? [] : lists),
+      shortcuts(),
+      ...(view === "pause" || !going ? [] : [button("link", "Pause", () => look("pause"))]),
+      ...(going ? [button("link", "Finish now", () => show({ do: "finish" }))] : []),
     );
   }
+
+  function yours() {
+    const made = button("link", "Your answers", list);
+    const n = screen.open_conflicts;
+    if (n) made.append(" ", part("span", "badge", {}, [`${n} in conflict`]));
+    return made;
+  }
+
+  // Single letters can be switched off (WCAG 2.1.4); the arrow keys stay.
+  function shortcuts() {
+    const made = button("link", letters ? "Letter keys: on" : "Letter keys: off", () => {
+      letters = !letters;
+      remember(letters);
+      foot();
+      enable(true);
+      nav.querySelector(".letters")?.focus();
+    });
+    made.classList.add("letters");
+    made.title = "Whether the letters A, B, U and ? answer. The arrow keys always do.";
+    return made;
+  }
+
+  const hasLegend = () => Boolean(screen.legend.duration) || screen.legend.levels.some((one) => one.meaning);
+
+  function legendOf() {
+    const all = screen.legend.levels;
+    const rows = all.map((one) =>
+      part("tr", "", {}, [
+        part("th", "", { scope: "row" }, [icon(one.level, all.length, colourOf(one.level, all.length)), one.label]),
+        part("td", "", {}, [one.meaning]),
+      ]),
+    );
+    const table = part("table", "legend", {}, [part("tbody", "", {}, rows)]);
+    const stays = screen.legend.duration ? [part("p", "soft", {}, [screen.legend.duration])] : [];
+    return [...stays, table];
+  }
+
+  function meaning() {
+    const more = screen.preamble ? [part("p", "", {}, [screen.preamble])] : [];
+    const at = { heading: ["What the levels mean"], name: "What the levels mean", more: "" };
+    return [at, ...more, part("section", "panel", {}, legendOf()), returning()];
+  }
+
+  function welcome() {
+    const { compare, purpose, before, least, budgets } = screen.welcome;
+    const who = part("input", "field", { type: "text", id: "elicit-who", maxlength: "80", autocomplete: "off" });
+    const choices = [...budgets.map(({ questions, label }) => [`${questions}`, `${questions} questions`, label])];
+    choices.push(["", "Until the result is settled", "You can stop at any time"]);
+    const radios = choices.map(([value, words, label], i) => {
+      const input = part("input", "", { type: "radio", name: "elicit-budget", value });
+      input.checked = i === choices.length - 1;
+      return part("label", "choice", {}, [input, part("b", "", {}, [words]), part("span", "soft", {}, [label])]);
+    });
+    const start = () => {
+      const budget = body.querySelector("input[name='elicit-budget']:checked")?.value ?? "";
+      show({ do: "start", who: who.value, budget }, "The interview has not started yet.");
+    };
+    const says = [
+      ["You compare.", `${compare} There is no right or wrong answer.`],
+      ["The program learns.", purpose || "It works out how good each level is to you."],
+      ["It stays here.", "Your answers are saved on this computer. Others see them only if you share them."],
+    ].map(([title, text]) => part("p", "step", {}, [part("b", "", {}, [title]), ` ${text}`]));
+    const left = part("div", "column", {}, says);
+    if (screen.preamble) left.append(part("p", "soft", {}, [screen.preamble]));
+    left.append(part("section", "panel", {}, [part("h2", "", {}, ["The levels, best to worst"]), ...legendOf()]));
+    const form = part("section", "panel form", {}, [
+      part("label", "strong", { for: "elicit-who" }, ["Your name or initials (optional)"]),
+      part("p", "soft small", {}, ["Printed on your report. A made-up name is fine."]),
+      who,
+      part("fieldset", "", {}, [part("legend", "strong", {}, ["How many questions do you have time for?"]), ...radios]),
+      part("p", "soft small", {}, [before, " ", fewest(least)]),
+      button("pick", "Start", start),
+      part("p", "soft small", {}, ["A practice question comes first."]),
+    ]);
+    const right = part("div", "column", {}, [form]);
+    if (screen.note_beside) right.append(part("p", "soft small", {}, [screen.note_beside]));
+    const at = { heading: ["Teach the program what you value"], name: "Welcome", more: "" };
+    return [at, part("div", "columns", {}, [left, right])];
+  }
+
+  const fewest = (least) =>
+    least ? `We ask at least ${least} questions, and some of them twice, before we call the result settled.` : "";
 
   function question() {
     const asked = screen.question;
     const practice = screen.stage === "practice";
     const name = practice ? "Practice" : `Question ${asked.number}`;
     const parts = asked.sentences.map((sentence) => part("p", "same", {}, [sentence]));
-    if (practice) parts.unshift(part("p", "practice", {}, [part("b", "", {}, ["To practise. "]), TRY, legend(asked)]));
-    if (screen.preamble) parts.push(part("p", "soft preamble", {}, [screen.preamble]));
+    if (practice) parts.unshift(part("p", "practice", {}, [TRY, circles(asked)]));
+    if (screen.legend.duration) parts.push(part("p", "soft same", {}, [screen.legend.duration]));
     parts.push(sides(asked), others());
     if (!practice) {
       const why = part("details", "why", {}, [part("summary", "", {}, ["Why this question?"])]);
       parts.push(why);
     }
-    const at = { heading: [part("span", "unseen", {}, [`${name}. `]), asked.heading], name, more: practice ? NOT : "" };
+    const at = { heading: [part("span", "unseen", {}, [`${name}. `]), asked.heading], name, more: "" };
     return [at, ...parts];
   }
 
-  function sides(asked) {
+  // The two sides of a question. Where it is not for answering, the side that was chosen is marked.
+  function sides(asked, chosen = null) {
     const counts = asked.rows.flatMap((row) => [row.a, row.b]);
     const most = Math.max(1, ...counts);
     const pair = part("div", "pair");
@@ -208,10 +332,18 @@ export function mount(root, send, options = {}) {
       const heading = part("h2", "", {}, [asked.sides[i]]);
       const rows = part("ul", "rows", {}, asked.rows.map((row) => level(asked, row, row[side], most)));
       const [key, shortcut] = i ? ["→", "ArrowRight B"] : ["←", "ArrowLeft A"];
-      const pick = button("pick", words, () => answer(side, words), key, shortcut);
-      pick.dataset.choice = side;
-      const card = part("section", "card", { "aria-label": asked.sides[i] }, [heading, rows, pick]);
-      card.style.gridRow = `span ${asked.rows.length + 2}`; // so that the rows of both sides are aligned
+      const live = chosen === null;
+      const card = part(live ? "section" : "div", "card", live ? { "aria-label": asked.sides[i] } : {}, [heading, rows]);
+      if (live) {
+        const pick = button("pick", words, () => answer(side, words), key, shortcut);
+        pick.dataset.choice = side;
+        card.append(pick); // its ::after covers the card, so that the whole card is the button
+        card.classList.add("live");
+      } else if (chosen === side) {
+        card.classList.add("chosen");
+        heading.append(part("span", "tag", {}, ["You chose this"]));
+      }
+      card.style.gridRow = `span ${asked.rows.length + (live ? 2 : 1)}`; // aligns the rows of both sides
       rows.style.gridRow = `span ${Math.max(1, asked.rows.length)}`;
       pair.append(card);
     }
@@ -238,10 +370,41 @@ export function mount(root, send, options = {}) {
     return back;
   }
 
+  // Two answers that differ, or answers that contradict each other, as they were shown, and what each choice is.
+  function settling() {
+    const { heading, text, answers: said, choices, id } = screen.conflict;
+    const cards = said.map((one) => {
+      const parts = [part("h2", "", {}, [one.name]), part("p", "", {}, [`You said: ${one.sentence}.`])];
+      if (said.length <= 2) parts.push(sides(one.question, one.chosen));
+      return part("section", "panel", {}, parts);
+    });
+    const buttons = choices.map(({ choice, label }, i) => {
+      const made = button(i < 2 && said.length <= 2 ? "pick" : "alt", label, () =>
+        show({ do: "settle", id, choice }, "Your choice has not been saved yet."),
+      );
+      made.dataset.keep = choice;
+      return made;
+    });
+    const grid = part("div", said.length === 1 ? "" : "columns even", {}, cards);
+    const parts = [part("p", "soft", {}, [text]), grid, part("div", "mid options", {}, buttons)];
+    parts.push(part("p", "soft small", {}, ["Nothing is deleted. You can change this under “Your answers”."]));
+    return [{ heading: [heading], name: "Please check", more: "" }, ...parts];
+  }
+
+  function offer() {
+    const { heading, text, options: some } = screen.offer;
+    const buttons = some.map(({ option, label }) =>
+      button("alt", label, () => (option === "pause" ? look("pause") : show({ do: "choose", option }))),
+    );
+    const parts = [part("p", "", {}, [text]), part("div", "mid options stack", {}, buttons)];
+    return [{ heading: [heading], name: "A break", more: "" }, ...parts, part("div", "mid", {}, [undoing()])];
+  }
+
   // What came in beside the question: how many more there are, and why this one.
   function drawBeside() {
     if (view !== "stage") return;
-    progress.lastChild.textContent = toCome(beside.to_come);
+    progress.lastChild.textContent = toCome(beside.to_come, asked ? took / asked : SECONDS);
+    fill(beside.to_come ? beside.to_come[1] : null);
     const why = body.querySelector(".why");
     why?.querySelectorAll("p").forEach((p) => p.remove());
     const said = beside.why.length || beside.ready ? beside.why : ["Still being worked out ..."];
@@ -250,24 +413,80 @@ export function mount(root, send, options = {}) {
   }
 
   function end() {
-    const { open, scale, certainty, statements, counts, conflicts } = screen.end;
+    const { open, scale, certainty, statements, counts, conflicts, changes, caution, settled, more } = screen.end;
     const among = [
-      [counts.equal, "equally good"], [counts["cannot tell"], "cannot tell"], [counts.unused, "not used"],
-      [counts.withdrawn, "more taken back"],
+      [counts.equal, "equally good"], [counts["cannot tell"], "cannot tell"],
+      [counts.unused, "ignored because they contradict others"], [counts.withdrawn, "more taken back"],
     ];
     const some = among.filter(([n]) => n).map(([n, words]) => `${n} ${words}`);
     const said = `${counts.answered} ${counts.answered === 1 ? "answer" : "answers"}`;
-    const parts = [part("p", "soft", {}, [some.length ? `${said} (${some.join(", ")}).` : `${said}.`])];
+    const given = some.length ? `${said} (${some.join(", ")}).` : `${said}.`;
+    const top = [part("p", settled ? "status good" : "status", {}, [settled ? "✓ Settled" : "Not settled"])];
+    if (caution) top.push(part("p", "caution", {}, [caution]));
+    const facts = [
+      ["How sure", screen.end.sure], ["Before", screen.end.before], ["Next", screen.end.next], ["You gave", given],
+      ["Checks", checks(counts)],
+    ].filter(([, text]) => text);
+    top.push(part("dl", "facts", {}, facts.flatMap(([a, b]) => [part("dt", "", {}, [a]), part("dd", "", {}, [b])])));
+    const doing = [button("pick", "Download report", keep)];
+    if (more) doing.push(button("alt", "Ask me more", () => show({ do: "more" })));
+    top.push(part("div", "mid closing", {}, [...doing, undoing()]));
+    const parts = [part("section", "panel", {}, top)];
     if (open) parts.push(part("p", "same", {}, [open]));
     parts.push(...conflicts.map(conflict));
-    if (scale.length) parts.push(worth(scale, certainty));
-    if (statements.length) parts.push(section("What follows from your answers", lines(statements)));
-    const save = button("pick", "Keep a report", keep);
-    parts.push(part("div", "mid", {}, [save, undoing()]));
-    return [{ heading: ["There are no more questions. Thank you!"], name: "Finished", more: "" }, ...parts];
+    if (scale.length) parts.push(worth(scale, certainty, conflicts));
+    if (changes) parts.push(changed(changes));
+    if (statements.length) parts.push(section("What else follows", lines(statements)));
+    parts.push(section("Downloads", [files(screen.end.downloads)]));
+    const named = screen.end.facts.map(([a, b]) => `${a}: ${b}`).join(" · ");
+    const rest = [...screen.end.limits, named].filter(Boolean).map((line) => part("p", "soft small", {}, [line]));
+    parts.push(part("div", "part", {}, rest));
+    return [{ heading: [screen.end.headline || "There are no more questions"], name: "Result", more: "" }, ...parts];
   }
 
-  // Answers that do not go together, each of which can be taken back.
+  function files(downloads) {
+    const rows = downloads.map((what) => {
+      const buttons = ["csv", "json"].map((format) => {
+        const made = button("back", format.toUpperCase(), () => download(what, format));
+        made.setAttribute("aria-label", `${FILES[what][0]} as ${format.toUpperCase()}`);
+        return made;
+      });
+      const words = part("span", "", {}, [part("b", "", {}, [FILES[what][0]]), ` ${FILES[what][1]}`]);
+      return part("li", "", {}, [words, part("span", "buttons", {}, buttons)]);
+    });
+    return part("ul", "list", {}, rows);
+  }
+
+  // What the answers change: a heading, a note, and a table that is folded and can be filtered.
+  function changed({ title, note: remark, columns, rows }) {
+    const made = [part("p", "soft", {}, [remark])];
+    if (rows.length) {
+      const found = part("p", "soft small", { role: "status" }, [`${rows.length} of ${rows.length} shown`]);
+      const field = part("input", "field", { type: "search", id: "elicit-filter", autocomplete: "off" });
+      const lines = rows.map((row) =>
+        part("tr", "", {}, row.map((cell, i) => part(i ? "td" : "th", "", i ? {} : { scope: "row" }, [cell]))),
+      );
+      field.addEventListener("input", () => {
+        const wanted = field.value.trim().toLowerCase();
+        let n = 0;
+        for (const [i, line] of lines.entries()) {
+          line.hidden = !rows[i].join(" ").toLowerCase().includes(wanted);
+          n += !line.hidden;
+        }
+        say(found, `${n} of ${rows.length} shown`);
+      });
+      const head = part("tr", "", {}, columns.map((column) => part("th", "", { scope: "col" }, [column])));
+      const table = part("table", "changes", {}, [part("thead", "", {}, [head]), part("tbody", "", {}, lines)]);
+      const label = part("label", "", { for: "elicit-filter" }, ["Filter the table "]);
+      const scrolls = part("div", "scrolls", { tabindex: "0", role: "region", "aria-label": title }, [table]);
+      const words = rows.length === 1 ? "Show the state" : `Show the ${rows.length} states`;
+      const filter = part("div", "filter", {}, [label, field, found]);
+      made.push(part("details", "panel", {}, [part("summary", "", {}, [words]), filter, scrolls]));
+    }
+    return section(title, made);
+  }
+
+  // Answers that contradict each other, each of which can be taken back.
   function conflict(entries) {
     const items = entries.map(({ id, sentence }) =>
       part("li", "", {}, [part("span", "", {}, [sentence]), back(id, sentence)]),
@@ -275,8 +494,8 @@ export function mount(root, send, options = {}) {
     const n = NUMBERS[entries.length] ?? entries.length;
     const [which, mends] =
       entries.length === 1
-        ? ["This answer does not go with the order of the levels: would you change it?", "The other answers stay."]
-        : [`These ${n} answers do not go together: which would you change?`, MENDS];
+        ? ["This answer goes against the order of the levels", "Do you mean it? The other answers stay."]
+        : [`These ${n} answers contradict each other`, MENDS];
     const hint = part("p", "soft", {}, [mends]);
     return part("section", "conflict", {}, [part("h2", "", {}, [which]), part("ul", "list", {}, items), hint]);
   }
@@ -293,10 +512,11 @@ export function mount(root, send, options = {}) {
     const items = listed.answers.map((one) => {
       const tags = [];
       if (one.withdrawn) tags.push("taken back");
-      else if (among.has(one.id)) tags.push("does not go together with others");
-      if (!one.withdrawn && !one.used && !one.repeat) tags.push("not used");
-      if (one.repeat) tags.push("asked again, to see how steady answers are");
-      const words = part("span", "words", {}, [part(one.withdrawn ? "s" : "span", "", {}, [one.sentence])]);
+      else if (among.has(one.id)) tags.push("contradicts others");
+      if (!one.withdrawn && !one.used && !one.repeat) tags.push("ignored");
+      if (one.repeat) tags.push("asked again as a check");
+      const number = part("span", "soft", {}, [`${one.number}. `]);
+      const words = part("span", "words", {}, [number, part(one.withdrawn ? "s" : "span", "", {}, [one.sentence])]);
       words.append(...tags.map((tag) => part("span", "tag", {}, [tag])));
       const when = one.time && new Date(one.time).toLocaleString(undefined, WHEN);
       if (when) words.append(part("time", "soft", { datetime: one.time }, [when]));
@@ -316,7 +536,7 @@ export function mount(root, send, options = {}) {
   }
 
   function returning() {
-    const words = screen.stage === "end" ? "Back to what came out" : "Back to the question";
+    const words = { end: "Back to the result", welcome: "Back" }[screen.stage] ?? "Back to the question";
     return part("div", "mid", {}, [button("pick", words, () => look("stage"))]);
   }
 
@@ -325,6 +545,7 @@ export function mount(root, send, options = {}) {
     const again = button("alt", "Try again", () => act(job, lost));
     banner.replaceChildren(part("p", "", {}, [part("b", "", {}, [lost]), ` ${why}`]), again);
     banner.hidden = false;
+    body.querySelectorAll(".live.chosen, .alt.chosen").forEach((one) => one.classList.remove("chosen"));
     say(note, "");
     again.disabled = false;
     again.focus({ preventScroll: true });
@@ -346,6 +567,7 @@ export function mount(root, send, options = {}) {
     const writing = event.target.closest?.("input, textarea, select, [contenteditable]");
     if (event.repeat || event.altKey || event.defaultPrevented || writing || busy || failed || view !== "stage") return;
     const control = event.ctrlKey || event.metaKey;
+    if (!control && !letters && key.length === 1) return;
     const undone = control ? key === "z" && !event.shiftKey : key === "u" && !event.shiftKey;
     const choice = control || (event.shiftKey && key !== "?") ? undefined : KEYS[key];
     const pushed = undone ? body.querySelector(".undo") : choice && body.querySelector(`[data-choice="${choice}"]`);
@@ -371,11 +593,33 @@ export function mount(root, send, options = {}) {
   };
 }
 
-const TRY = "The answer to this first question is not kept.";
-const NOT = "this one does not count";
-const MENDS = "To take back any one of them would mend it. The others stay.";
+const TRY = "Practice question: your answer is not saved.";
+const MENDS = "Withdrawing any one of them fixes it. The others stay.";
 const STAYS = "stays"; // returned by what changes nothing on the screen
 const WHEN = { dateStyle: "medium", timeStyle: "short" };
+const FILES = {
+  scale: ["Scale", "the value and range of each level"],
+  policy: ["Result", "what is chosen, and where your answers change it"],
+  answers: ["Answers", "as you saw them"],
+};
+const REMEMBERED = "elicit: letter keys";
+
+// Whether letters answer, as it was set last in this browser, which may forbid to remember anything.
+function remembered() {
+  try {
+    return localStorage.getItem(REMEMBERED) !== "off";
+  } catch {
+    return true;
+  }
+}
+
+function remember(on) {
+  try {
+    localStorage.setItem(REMEMBERED, on ? "on" : "off");
+  } catch {
+    // it then holds for this window only
+  }
+}
 
 // An element with a class, attributes, and what is in it: elements, or strings, which stay text.
 function part(tag, name, attributes = {}, inside = []) {
@@ -433,12 +677,12 @@ function level(asked, row, n, most) {
   return part("li", n ? "row" : "row none", {}, words);
 }
 
-const legend = (asked) =>
-  asked.icons ? ` Each circle is one of the ${asked.unit}: ✓ is the best that can be, ✕ the worst.` : "";
+const circles = (asked) =>
+  asked.icons ? ` Each circle is one of the ${asked.unit}: ✓ is the best level, ✕ the worst.` : "";
 
 function icon(level, levels, colour) {
   const mark = level === 0 ? "✕" : level === levels - 1 ? "✓" : "";
-  const made = part("i", mark ? "icon marked" : "icon", {}, [mark]);
+  const made = part("i", mark ? "icon marked" : "icon", { "aria-hidden": "true" }, [mark]);
   made.style.backgroundColor = colour;
   return made;
 }
@@ -449,29 +693,31 @@ function colourOf(level, levels) {
   return `rgb(${COLOURS[low].map((x, i) => Math.round(x + (at - low) * (COLOURS[low + 1][i] - x))).join(",")})`;
 }
 
-// What the levels are worth, as a table whose middle column is a picture.
+// What the levels are worth, as a table whose middle column is a picture. A level that no answer is about is unknown.
 function worth(scale, certainty) {
   const head = ["Level", null, "Best guess", "Range"].map((words) =>
     words ? part("th", "", { scope: "col" }, [words]) : part("td", "drawn", {}, [axis()]),
   );
-  const rows = scale.map(({ label, value, low, high }, i) => {
+  const rows = scale.map(({ label, value, low, high, asked }, i) => {
     const range = low === high ? "fixed" : `${low} to ${high}`;
+    const name = asked ? [label] : [label, part("span", "soft small never", {}, ["never asked"])];
     return part("tr", "", {}, [
-      part("th", "", { scope: "row" }, [label]),
-      part("td", "drawn", {}, [interval(low, value, high, colourOf(scale.length - 1 - i, scale.length))]),
-      part("td", "number", {}, [String(Math.round(value))]),
+      part("th", "", { scope: "row" }, name),
+      part("td", "drawn", {}, [interval(low, value, high, colourOf(scale.length - 1 - i, scale.length), asked)]),
+      part("td", "number", {}, [asked ? String(Math.round(value)) : "unknown"]),
       part("td", "number", {}, [range]),
     ]);
   });
   const said =
-    "From 0, the worst, to 100, the best: 60 is as good as 60 of 100 at the best level and 40 at the worst. " +
-    "The dot is the best guess, the bar what is still open";
+    "From 0, the worst level, to 100, the best. A level at 60 is as good to you as 60 of 100 at the best level and 40 " +
+    "at the worst. The bar is what is still possible, and the dot is the best guess. A dashed bar is a level that no " +
+    "answer is about.";
   const table = part("table", "worth", {}, [
-    part("caption", "soft", {}, [`${said} (${certainty}).`]),
+    part("caption", "soft", {}, [`${said} The ranges hold ${certainty}.`]),
     part("thead", "", {}, [part("tr", "", {}, head)]),
     part("tbody", "", {}, rows),
   ]);
-  return section("What the levels are worth to you", [table]);
+  return section("What the levels are worth to you", [part("div", "panel", {}, [table])]);
 }
 
 function svg(tag, attributes, inside = []) {
@@ -486,26 +732,38 @@ function axis() {
   return svg("svg", { class: "axis", "aria-hidden": "true", focusable: "false" }, marks);
 }
 
-function interval(low, value, high, colour) {
+function interval(low, value, high, colour, asked) {
   const marks = [0, 25, 50, 75, 100].map((x) => `${x}%`);
   const grid = marks.map((x) => svg("line", { class: "grid", x1: x, x2: x, y1: 0, y2: "100%" }));
   const [x, width] = [`${low}%`, `${high - low}%`];
-  const bar = svg("rect", { class: "open", x, width, y: "30%", height: "40%", rx: 3, fill: colour });
-  const dot = svg("circle", { class: "guess", cx: `${value}%`, cy: "50%", r: 6 });
-  return svg("svg", { class: "interval", "aria-hidden": "true", focusable: "false" }, [...grid, bar, dot]);
+  const bar = { x, width, y: "25%", height: "50%", rx: 3 };
+  const parts = [svg("rect", asked ? { ...bar, class: "open", fill: colour } : { ...bar, class: "open unknown" })];
+  const end = low === high;
+  if (end) parts.push(svg("circle", { class: "fixed", cx: `${value}%`, cy: "50%", r: 7, fill: colour }));
+  else if (asked) parts.push(svg("circle", { class: "guess", cx: `${value}%`, cy: "50%", r: 3 }));
+  return svg("svg", { class: "interval", "aria-hidden": "true", focusable: "false" }, [...grid, ...parts]);
 }
 
-function toCome(range) {
+function toCome(range, seconds) {
   if (!range) return "";
   const [least, most] = range;
-  if (most === 0) return "the last one, as it looks now";
-  if (least === most) return `about ${most} more`;
-  return least === 0 ? `at most ${most} more, as it looks now` : `about ${least} to ${most} more`;
+  if (most === 0) return "probably the last one";
+  const minutes = Math.max(1, Math.round((most * seconds) / 60));
+  const time = `, up to ${minutes} ${minutes === 1 ? "minute" : "minutes"}`;
+  if (least === most) return `about ${most} more${time}`;
+  return least === 0 ? `at most ${most} more${time}` : `about ${least} to ${most} more${time}`;
+}
+
+function checks({ repeated, alike }) {
+  if (!repeated) return "";
+  return `${alike} of ${repeated} repeated ${repeated === 1 ? "question was" : "questions were"} answered as before.`;
 }
 
 const thousands = (n) => n.toLocaleString("en-US");
 
 function same(one, other) {
-  const [a, b] = [one, other].map((s) => JSON.stringify([s.stage, s.question?.id, s.answered, s.last?.id]));
+  const [a, b] = [one, other].map((s) =>
+    JSON.stringify([s.stage, s.question?.id, s.conflict?.id, s.answered, s.last?.id]),
+  );
   return a === b;
 }

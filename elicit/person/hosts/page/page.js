@@ -3,11 +3,10 @@
 import { mount } from "./interview.js";
 
 const STOPPED =
-  "The program on this computer does not answer. Start it again with the same command and press Try again. If it " +
-  "prints another address, open that one: all answers before this one are there.";
+  "The program on this computer does not answer. Start it again with the same command, then press Try again. If it " +
+  "prints a new address, open that. All earlier answers are saved.";
 const SHUT_OUT =
-  "The program does not know this window, as after it was started again. Open the address that it printed, in this " +
-  "browser, then press Try again here, or go on there.";
+  "The program was restarted. Open the new address in this browser, then press Try again here, or go on there.";
 
 async function send(message) {
   const sent = { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(message) };

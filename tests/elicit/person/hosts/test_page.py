@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from elicit import AnswerLog, Verdict, Words
+from elicit.person.course.conclusion import Conclusion, Table
 from tests.browser_cases import LABELS, QUESTIONS, Listed, bags, browser, executable, served
 
 WIDE = {"width": 1100, "height": 760}
@@ -80,8 +81,14 @@ def click(page: Any, choice: str) -> None:
     page.click(f"[data-choice='{choice}']")
 
 
-def practise(page: Any) -> None:
+def start(page: Any) -> None:
+    at(page, "Welcome")
+    name(page, "Start").click()
     at(page, "Practice")
+
+
+def practise(page: Any) -> None:
+    start(page)
     click(page, "a")
     at(page, "Question 1")
 
@@ -116,10 +123,10 @@ TRUTH = [("q0", 1), ("q1", -1), ("q2", 1), ("q3", -1), ("q4", -1)]
 def test_a_session_by_mouse(windows: Windows) -> None:
     with served(windows.log) as server:
         page = windows.open(server)
-        at(page, "Practice")
+        start(page)
         click(page, truthfully(page))
         at(page, "Question 1")
-        assert page.inner_text(".note") == "Just so. Now the questions that count."
+        assert page.inner_text(".note") == "Right. Now the real questions."
         for n in range(1, 6):
             at(page, f"Question {n}")
             assert page.title() == f"Question {n} - ICU-Sepsis"
@@ -127,7 +134,7 @@ def test_a_session_by_mouse(windows: Windows) -> None:
                 "Nothing answered yet" if n == 1 else "saved on this computer"
             )
             click(page, truthfully(page))
-        at(page, "Finished")
+        at(page, "Result")
         assert page.evaluate("document.activeElement.tagName") == "H1"
         assert "The plan rests on 5 answers and may lose at most 0.8%." in page.inner_text(".body")
         assert page.locator(".worth tbody tr").all_inner_texts()[0].split() == [
@@ -136,8 +143,8 @@ def test_a_session_by_mouse(windows: Windows) -> None:
             "fixed",
         ]
         with page.expect_download() as kept:
-            name(page, "Keep a report").click()
-        page.locator("button:focus", has_text="Keep a report").wait_for()
+            name(page, "Download report").click()
+        page.locator("button:focus", has_text="Download report").wait_for()
         assert re.fullmatch(
             r"icu-sepsis-report-\d{4}-\d\d-\d\d\.html", kept.value.suggested_filename
         )
@@ -151,12 +158,12 @@ def test_a_session_by_keyboard(windows: Windows) -> None:
     keys = {"a": ("ArrowLeft", "a"), "b": ("ArrowRight", "B"), "equal": ("ArrowDown",)}
     with served(windows.log) as server:
         page = windows.open(server)
-        at(page, "Practice")
+        start(page)
         page.keyboard.press(keys[truthfully(page)][0])
         for n in range(1, 6):
             at(page, f"Question {n}")
             page.keyboard.press(keys[truthfully(page)][n % 2])
-        at(page, "Finished")
+        at(page, "Result")
         page.keyboard.press("u")
         at(page, "Question 5")
         page.keyboard.press("Control+z")
@@ -164,7 +171,7 @@ def test_a_session_by_keyboard(windows: Windows) -> None:
         page.keyboard.press("Shift+?")
         at(page, "Question 5")
         page.keyboard.press("ArrowDown")
-        at(page, "Finished")
+        at(page, "Result")
         # what is no key is reached by Tab, from the heading on
         for _ in range(9):
             page.keyboard.press("Tab")
@@ -268,7 +275,7 @@ def test_a_question_in_two_tabs_is_answered_once(windows: Windows) -> None:
         click(other, "b")
         at(other, "Question 2")
         assert other.inner_text(".note").startswith(
-            "That question was answered already, perhaps in another window: "
+            "That question was already answered, perhaps in another window: "
         )
         click(other, "a")
         at(other, "Question 3")
@@ -286,18 +293,14 @@ def test_what_does_not_go_together_is_said_and_mended(windows: Windows) -> None:
         click(page, truthfully(page))
         at(page, "Question 3")
         click(page, "equal")
-        at(page, "Finished")
-        assert page.inner_text(".note").startswith("This does not go together with earlier answers")
+        at(page, "Result")
         box = page.locator(".conflict")
-        assert (
-            box.locator("h2").inner_text()
-            == "These two answers do not go together: which would you change?"
-        )
+        assert box.locator("h2").inner_text() == "These two answers contradict each other"
         assert box.locator("li span").all_inner_texts() == list(CONFLICTING)
         box.get_by_role("button", name=f"Take back: {CONFLICTING[0]}").click()
         at(page, "Question 3")
         click(page, truthfully(page))
-        at(page, "Finished")
+        at(page, "Result")
         assert not page.locator(".conflict").count()
     stands = [(id, verdict) for id, verdict, stands in windows.entries() if stands]
     assert stands == [("q1", -1), ("q2", 0), ("q0", 1)]
@@ -319,9 +322,9 @@ def test_nothing_is_lost_when_the_program_stops(windows: Windows) -> None:
     violated(page)
     with served(windows.log, port=port) as server:
         name(page, "Try again").click()
-        banner.get_by_text("does not know this window").wait_for()
+        banner.get_by_text("was restarted").wait_for()
         again = windows.open(server)  # which is let in, and with it the whole browser
-        at(again, "Practice")
+        at(again, "Welcome")
         name(page, "Try again").click()
         at(page, "Question 2")
         assert not banner.count()
@@ -337,7 +340,7 @@ def test_what_is_computed_beside_is_asked_for_until_it_is_there(windows: Windows
     replies = [
         {"why": [], "to_come": None, "ready": False},
         {
-            "why": ["It is still open how <i>you</i> weigh this."],
+            "why": ["We don't know how <i>you</i> weigh this."],
             "to_come": [10, 20],
             "ready": True,
         },
@@ -356,9 +359,9 @@ def test_what_is_computed_beside_is_asked_for_until_it_is_there(windows: Windows
         page = windows.open(server)
         page.route("**/api", outlook)
         practise(page)
-        page.get_by_text("about 10 to 20 more").wait_for()
+        page.get_by_text("about 10 to 20 more, up to ").wait_for()
         page.click("summary")
-        assert page.inner_text(".why p") == "It is still open how <i>you</i> weigh this."
+        assert page.inner_text(".why p") == "We don't know how <i>you</i> weigh this."
         click(page, "a")
         at(page, "Question 2")
         assert "more" not in page.inner_text(".place")
@@ -411,7 +414,7 @@ def test_every_screen_is_open_to_everybody_and_fits(windows: Windows, size: dict
 
     with served(windows.log, QUESTIONS[:3]) as server:
         page = windows.open(server, size)
-        at(page, "Practice")
+        at(page, "Welcome")
         check()
         practise(page)
         page.click("summary")
@@ -424,7 +427,7 @@ def test_every_screen_is_open_to_everybody_and_fits(windows: Windows, size: dict
         at(page, "Question 2")
         click(page, "cannot tell")
         at(page, "Question 3")
-        name(page, "Pause, go on later").click()
+        name(page, "Pause").click()
         at(page, "Paused")
         assert "start the same command again" in page.inner_text(".body")
         check()
@@ -435,14 +438,14 @@ def test_every_screen_is_open_to_everybody_and_fits(windows: Windows, size: dict
         click(page, "a" if "10 moderate" in page.locator(".card").first.inner_text() else "b")
         at(page, "Question 3")
         click(page, "equal")
-        at(page, "Finished")
+        at(page, "Result")
         check()
-        name(page, "Your answers").click()
+        name(page, "Your answers 1 in conflict").click()
         at(page, "Your answers")
         check()
-        name(page, "Back to what came out").click()
+        name(page, "Back to the result").click()
         with page.expect_download() as kept:
-            name(page, "Keep a report").click()
+            name(page, "Download report").click()
         report = windows.log.with_name(kept.value.suggested_filename)
         kept.value.save_as(report)
         page.goto(report.as_uri())
@@ -497,7 +500,7 @@ def test_odd_names_many_levels_and_large_numbers_are_only_shown(
         click(page, "b")
         at(page, "Question 2")
         click(page, "cannot tell")
-        at(page, "Finished")
+        at(page, "Result")
         page.set_viewport_size(NARROW)
         fits(page)
         violated(page)
@@ -506,6 +509,7 @@ def test_odd_names_many_levels_and_large_numbers_are_only_shown(
 def test_the_sides_are_named_as_the_problem_says(windows: Windows) -> None:
     with served(windows.log, labels=LABELS, words=Words("days", side="holiday")) as server:
         page = windows.open(server)
+        start(page)
         assert page.inner_text("h1").endswith(
             "Two holidays of 10 days: which would you rather have?"
         )
@@ -531,9 +535,156 @@ def test_an_answer_against_the_order_of_the_levels_stands_alone(windows: Windows
         click(
             page, "b" if "10 recovered" in clean(page.locator(".card").first.inner_text()) else "a"
         )
-        at(page, "Finished")
+        at(page, "Result")
         assert page.inner_text(".conflict h2").startswith(
-            "This answer does not go with the order of the levels"
+            "This answer goes against the order of the levels"
         )
         page.locator(".conflict").get_by_role("button").click()
         at(page, "Question 1")
+
+
+DARK = {"color_scheme": "dark"}
+
+
+def stage(page: Any, wanted: str) -> None:
+    """Wait until this stage is drawn and takes answers."""
+    page.wait_for_selector(f".sheet[data-stage={wanted}]:not([aria-busy]) .body button:enabled")
+
+
+@pytest.mark.parametrize(
+    ("size", "how"),
+    [
+        pytest.param(WIDE, {}, id="wide", marks=pytest.mark.slow),
+        pytest.param(WIDE, DARK, id="dark"),
+        pytest.param(NARROW, DARK, id="narrow", marks=pytest.mark.slow),
+    ],
+)
+def test_a_conflict_an_offer_and_an_early_end_are_open_to_everybody_and_fit(
+    windows: Windows, size: dict[str, int], how: dict[str, str]
+) -> None:
+    def check() -> None:
+        violated(page)
+        fits(page)
+
+    with served(windows.log, QUESTIONS[:2] + QUESTIONS[3:], least=5) as server:
+        page = windows.open(server, size, **how)
+        check()
+        practise(page)
+        click(page, "b" if truthfully(page) == "a" else "a")  # worse than 4 in 10
+        stage(page, "question")
+        page.wait_for_selector("h1:has-text('Question 2')", state="attached")
+        click(page, truthfully(page))
+        page.wait_for_selector("h1:has-text('Question 3')", state="attached")
+        name(page, "What the levels mean").count()
+        for _ in range(3):
+            at(page, page.inner_text(".place b"))
+            click(page, "cannot tell")
+            page.wait_for_timeout(400)
+        stage(page, "offer")
+        check()
+        name(page, "Finish now and show the result").click()
+        stage(page, "end")
+        check()
+        name(page, "Ask me more").click()
+        stage(page, "question")
+        name(page, "Finish now").click()
+        stage(page, "end")
+        with page.expect_download() as kept:
+            page.get_by_role("button", name="Scale as CSV").click()
+        assert "moderate" in Path(kept.value.path()).read_text()
+
+
+def contradicts(page: Any) -> None:
+    """Say that moderate is worse than 4 in 10, and then that it is better than 6 in 10."""
+    for _ in range(2):
+        rows = " ".join(page.locator(".card").first.inner_text().split())
+        moderate_is_a = "10 moderate" in rows
+        worse = "4 recovered" in page.inner_text(".pair").replace("\n", " ")
+        click(page, "a" if moderate_is_a != worse else "b")
+        page.wait_for_timeout(500)
+
+
+@pytest.mark.parametrize("size", [WIDE, pytest.param(NARROW, marks=pytest.mark.slow)])
+def test_a_contradiction_is_brought_up_at_once_and_mended_with_one_tap(
+    windows: Windows, size: dict[str, int]
+) -> None:
+    with served(windows.log, QUESTIONS[:2], least=1) as server:
+        page = windows.open(server, size, **DARK)
+        practise(page)
+        contradicts(page)
+        stage(page, "conflict")
+        assert page.inner_text("h1") == "These two answers contradict each other"
+        assert page.locator(".panel .card.chosen").count() == 2
+        assert "1 in conflict" in page.inner_text(".nav")
+        violated(page)
+        fits(page)
+        page.reload()
+        stage(page, "conflict")
+        page.locator("[data-keep]").nth(1).click()
+        page.wait_for_selector(".sheet:not([data-stage=conflict])")
+        assert "conflict" not in page.inner_text(".nav")
+    assert [(id, stands) for id, _, stands in windows.entries()][:2] == [
+        ("q0", False),
+        ("q1", True),
+    ]
+
+
+def test_the_whole_card_answers(windows: Windows) -> None:
+    with served(windows.log) as server:
+        page = windows.open(server)
+        practise(page)
+        page.locator(".card").nth(1).click(position={"x": 30, "y": 60})
+        at(page, "Question 2")
+    assert len(windows.entries()) == 1
+
+
+def test_single_letters_can_be_switched_off_and_stay_off(windows: Windows) -> None:
+    with served(windows.log) as server:
+        page = windows.open(server)
+        practise(page)
+        name(page, "Letter keys: on").click()
+        assert page.evaluate("document.activeElement.textContent") == "Letter keys: off"
+        for key in ("a", "b", "?", "u"):
+            page.keyboard.press(key)
+        page.reload()
+        at(page, "Question 1")
+        page.keyboard.press("a")
+        page.wait_for_timeout(400)
+        at(page, "Question 1")
+        page.keyboard.press("ArrowLeft")
+        at(page, "Question 2")
+
+
+def test_a_name_and_a_budget_are_sent_with_the_start(windows: Windows) -> None:
+    words = Words("patients", levels=("Gone", "", "Well <again>"), duration="Each for a year.")
+    with served(windows.log, words=words, least=1) as server:
+        page = windows.open(server)
+        at(page, "Welcome")
+        assert "Well <again>" in page.inner_text(".legend")
+        assert "Each for a year." in page.inner_text(".panel")
+        page.fill("#elicit-who", "Ann")
+        page.get_by_label("8 questions").check()
+        start(page)
+        click(page, "a")
+        at(page, "Question 1")
+        click(page, "a")
+        page.wait_for_timeout(400)
+    assert AnswerLog.read(windows.log)[0].metadata["who"] == "Ann"
+
+
+def test_a_long_table_of_changes_is_folded_and_filtered(windows: Windows) -> None:
+    rows = tuple((f"state {i}", "old", f"new {i % 7}") for i in range(40))
+    table = Table("In 40 of 99 states your answers change the plan", ("State", "A", "B"), rows)
+    concluded = Conclusion(headline="Your plan is settled.", changes=table, settled=True)
+    with served(windows.log, QUESTIONS[:1], conclude=lambda *_: concluded) as server:
+        page = windows.open(server)
+        practise(page)
+        click(page, truthfully(page))
+        at(page, "Result")
+        assert page.inner_text("h1") == "Your plan is settled."
+        assert not page.is_visible(".changes")
+        page.click("text=Show the 40 states")
+        page.fill("#elicit-filter", "new 3")
+        assert page.inner_text(".filter p") == "6 of 40 shown"
+        assert page.locator(".changes tbody tr:visible").count() == 6
+        violated(page)

@@ -23,6 +23,7 @@ from tests.interpreter import run
 from tests.web_person import Visitor, answer_all
 
 LABELS = ("died", "worse", "ill", "well")
+SUBJECT = Subject(LABELS, least=0)
 VALUES = {"died": 0.0, "worse": 0.2, "ill": 0.3, "well": 1.0}
 VECTORS = np.random.default_rng(0).multinomial(10, [0.25] * 4, 8)
 
@@ -47,7 +48,10 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 @pytest.fixture(scope="module")
 def server(page: None) -> Iterator[WebServer]:
     """A page on which nobody answers."""
-    with Session(make, AnswerLog(k=4)) as session, WebServer(session, Subject(LABELS)) as server:
+    with (
+        Session(make, AnswerLog(k=4)) as session,
+        WebServer(session, SUBJECT) as server,
+    ):
         yield server
 
 
@@ -67,7 +71,7 @@ def session(tmp_path: Path) -> Iterator[Session]:
 @pytest.fixture
 def host(session: Session) -> Iterator[WebServer]:
     """Its page."""
-    with WebServer(session, Subject(LABELS)) as server:
+    with WebServer(session, SUBJECT) as server:
         yield server
 
 
@@ -367,7 +371,7 @@ def test_a_message_is_json_and_short(server: WebServer, visitor: Visitor) -> Non
     for message in (*bad, *worse, '{"do": "answer", "id": "x"}'):
         assert visitor.post(message)[0] == 400, message
     for id in ("x" * 9000, "\ud800", "\x00", "../../x"):
-        assert "not open any more" in visitor.screen("answer", id=id, choice="a")["note"]
+        assert "no longer open" in visitor.screen("answer", id=id, choice="a")["note"]
         assert visitor.post({"do": "outlook", "id": id})[0] == 200
     assert visitor.screen()["answered"] == 0
 
@@ -449,7 +453,7 @@ def test_an_error_is_said_without_the_answers(
     assert said in reply["error"]
     assert not re.search("well|ill|Traceback|[.]py", reply["error"])
     assert "well 1 ill 2" in caplog.text  # where the program runs
-    assert visitor.screen()["stage"] == "practice"
+    assert visitor.screen()["stage"] == "welcome"
 
 
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS])
@@ -490,7 +494,7 @@ def test_while_one_message_is_computed_others_are_answered(
     with ThreadPoolExecutor(1) as pool:
         waiting = pool.submit(visitor.post, {"do": "outlook", "id": "x"})
         assert begun.wait(60)
-        assert visitor.screen()["stage"] == "practice"
+        assert visitor.screen()["stage"] == "welcome"
         assert visitor.fetch("GET", "/page/page.js", cookie=visitor.cookie)[0] == 200
         assert not waiting.done()
         go_on.set()
@@ -512,14 +516,14 @@ def test_two_browsers_on_one_question(session: Session, host: WebServer) -> None
     assert other.screen()["question"] == question
     after = one.screen("answer", id=question["id"], choice="a")
     told = other.screen("answer", id=question["id"], choice="b")
-    assert "answered already, perhaps in another window" in told["note"]
+    assert "already answered, perhaps in another window" in told["note"]
     assert told["question"] == after["question"]
     assert other.screen("answer", id=question["id"], choice="a")["note"] is None
     assert len(session.log) == 1
     taken = other.screen("undo", id=question["id"])
     assert (taken["answered"], taken["question"]) == (0, question)
     assert one.screen("answer", id=after["question"]["id"], choice="a")["note"].startswith(
-        "That question is not open"
+        "That question is no longer open"
     )
     assert [entry.retracted for entry in session.log] == [True]
 
@@ -532,7 +536,7 @@ def test_answers_out_of_order_change_nothing(session: Session, person: Visitor) 
         reply = person.screen("answer", id=id, choice="cannot tell")
         assert reply["note"]
         assert reply["question"] == screen["question"]
-    assert "not the last answer" in person.screen("undo", id=ids[0])["note"]
+    assert "no longer the last answer" in person.screen("undo", id=ids[0])["note"]
     assert [entry.answer for entry in session.log] == before
 
 
@@ -540,7 +544,7 @@ def test_a_clock_that_goes_backwards_matters_to_no_answer(tmp_path: Path, sessio
     seconds = iter(range(2_000_000_000, 0, -10_000_000))
     with (
         Session(make, tmp_path / "backwards.jsonl", clock=lambda: next(seconds)) as backwards,
-        WebServer(backwards, Subject(LABELS)) as server,
+        WebServer(backwards, SUBJECT) as server,
     ):
         answer_all(Visitor(server.new_address()), VALUES)
         found = [entry.answer for entry in backwards.log]
@@ -548,7 +552,7 @@ def test_a_clock_that_goes_backwards_matters_to_no_answer(tmp_path: Path, sessio
     assert times == sorted(times, reverse=True)
     with Session(make, tmp_path / "backwards.jsonl") as again:
         assert again.question() is None
-    with WebServer(session, Subject(LABELS)) as server:
+    with WebServer(session, SUBJECT) as server:
         answer_all(Visitor(server.new_address()), VALUES)
     assert [(a.query.id, a.verdict) for a in found] == [
         (entry.answer.query.id, entry.answer.verdict) for entry in session.log
@@ -561,23 +565,23 @@ def test_others_are_let_in_only_where_that_is_said(session: Session) -> None:
             ValueError,
             match=f"{host} can be reached by other machines, and what is sent there is not",
         ):
-            WebServer(session, Subject(LABELS), host)
+            WebServer(session, SUBJECT, host)
     with pytest.raises(OSError, match=r"cannot listen on 192\.0\.2\.1, port 0"):
-        WebServer(session, Subject(LABELS), "192.0.2.1", let_others_in=True)
+        WebServer(session, SUBJECT, "192.0.2.1", let_others_in=True)
     with pytest.raises(ValueError, match=r"0\.0\.0\.0 is no address to open"):
-        WebServer(session, Subject(LABELS), "0.0.0.0", let_others_in=True)
+        WebServer(session, SUBJECT, "0.0.0.0", let_others_in=True)
     with pytest.raises(ValueError, match="'no name' is no address of this machine"):
-        WebServer(session, Subject(LABELS), "no name")
+        WebServer(session, SUBJECT, "no name")
 
 
 def test_the_other_loopback_address(session: Session) -> None:
     with (
         suppress(OSError),
-        WebServer(session, Subject(LABELS), "::1") as server,
+        WebServer(session, SUBJECT, "::1") as server,
     ):  # where there is one
         visitor = Visitor(server.new_address())
         assert visitor.at.netloc == f"[::1]:{server.port}"
-        assert visitor.screen()["stage"] == "practice"
+        assert visitor.screen()["stage"] == "welcome"
 
 
 def test_only_this_machine_is_listened_to(server: WebServer) -> None:
@@ -594,15 +598,15 @@ def test_a_port_in_use_is_said(session: Session, server: WebServer) -> None:
     with pytest.raises(
         OSError, match=f"cannot listen on 127.0.0.1, port {server.port}: Address already in use"
     ):
-        WebServer(session, Subject(LABELS), port=server.port)
+        WebServer(session, SUBJECT, port=server.port)
 
 
 def test_after_close_nothing_listens_and_the_session_goes_on(session: Session) -> None:
-    with WebServer(session, Subject(LABELS)) as server:
+    with WebServer(session, SUBJECT) as server:
         answer_all(Visitor(server.new_address()), VALUES, most=2)
     with pytest.raises(ConnectionRefusedError):
         socket.create_connection(("127.0.0.1", server.port))
-    with WebServer(session, Subject(LABELS), port=server.port) as again:
+    with WebServer(session, SUBJECT, port=server.port) as again:
         visitor = Visitor(again.new_address())
         assert visitor.screen()["answered"] == 1
         assert visitor.cookie.split("=")[0] == f"elicit-{server.port}"

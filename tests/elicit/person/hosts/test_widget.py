@@ -52,7 +52,7 @@ def session():
 def widget(session, monkeypatch):
     monkeypatch.setattr(comm, "create_comm", Recorded)
     one = elicit.InterviewWidget(
-        session, elicit.Subject(LABELS, elicit.Words(title="Three courses"))
+        session, elicit.Subject(LABELS, elicit.Words(title="Three courses"), least=0)
     )
     yield one
     one.close()
@@ -69,7 +69,7 @@ def test_a_session_goes_to_its_end_in_messages_and_its_result_can_be_read(widget
         assert said["id"] == f"x.{n}"
         return said["reply"]
 
-    assert say(do="state")["stage"] == "practice"
+    assert say(do="state")["stage"] == "welcome"
     screen = say(do="practised", choice="a")
     assert screen["stage"] == "question"
     while screen["question"]:
@@ -111,7 +111,7 @@ def test_a_notebook_without_the_widget_shows_how_many_are_answered(widget, sessi
     data, *_ = widget._repr_mimebundle_()
     assert data["text/plain"] == "a session of Three courses: 1 answered"
     with elicit.Session(make, elicit.AnswerLog(k=3)) as other:
-        untitled = elicit.InterviewWidget(other, elicit.Subject(LABELS))
+        untitled = elicit.InterviewWidget(other, elicit.Subject(LABELS, least=0))
         assert repr(untitled) == "a session: 0 answered"
         untitled.close()
 

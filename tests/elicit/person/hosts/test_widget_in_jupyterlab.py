@@ -27,7 +27,7 @@ vectors = np.array([[3, 2, 1, 4], [0, 5, 4, 1], [3, 3, 2, 2], [5, 3, 0, 2], [4, 
 def make(known):
     return elicit.choose(vectors, elicit.PolytopeComparator(4), order=True, known=known)
 session = elicit.Session(make, "answers.jsonl")
-subject = elicit.Subject(("died", "severe", "mild", "well"), elicit.Words("patients", "fare", "Six courses"))
+subject = elicit.Subject(("died", "severe", "mild", "well"), elicit.Words("patients", "fare", "Six courses"), least=0)
 elicit.InterviewWidget(session, subject)
 """  # noqa: E501
 READS = "print('the best is', session.result().best, 'after', session.result().asked)"
@@ -140,6 +140,8 @@ def test_a_session_by_mouse_and_keyboard_goes_on_after_a_reload_and_each_answer_
         page.on("console", lambda line: line.type == "error" and complaints.append(line.text))
         opened(page, url)
         run_cell(page, 0)
+        page.locator(".elicit h1", has_text="Teach the program").wait_for(timeout=PATIENCE)
+        page.locator(".elicit .form .pick:enabled").click()
         page.locator(".elicit h1", has_text="Practice").wait_for(timeout=PATIENCE)
         page.locator(f".elicit [data-choice={truthful(page)}]").click()
         assert stands(page, 0)

@@ -1,0 +1,130 @@
+"""The conclusion of an interview: a headline with what is at stake, and a table of what changes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table that can be folded and filtered.
+
+    Attributes
+    ----------
+    title, note
+        Texts above and below.
+    columns
+        The heads of the columns.
+    rows
+        The cells of each row, as texts.
+    """
+
+    title: str
+    columns: tuple[str, ...] = ()
+    rows: tuple[tuple[str, ...], ...] = ()
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """What a result says, in words.
+
+    Attributes
+    ----------
+    headline
+        The conclusion, in a sentence or two.
+    sure
+        How sure it is.
+    next
+        What to do now.
+    before
+        What could be lost before the first answer; "" if unknown.
+    statements
+        Further sentences. An indented one is an item under the one before.
+    changes
+        What the answers change, as far as it holds for every plausible scale.
+    result
+        The result as a table to download.
+    settled
+        True if at most the tolerance can still be lost.
+    early
+        The headline in place of ``headline`` if it is settled, but the person stopped before there
+        were enough answers and checks.
+    """
+
+    headline: str = ""
+    sure: str = ""
+    next: str = ""
+    before: str = ""
+    statements: tuple[str, ...] = ()
+    changes: Table | None = None
+    result: Table | None = None
+    settled: bool = False
+    early: str = ""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Facts about a session that its report names: pairs of a name and a value.
+
+    Attributes
+    ----------
+    of
+        Such as ("Tolerance", "1 in 100").
+    limits
+        Sentences on what the result does not say.
+    """
+
+    of: tuple[tuple[str, str], ...] = ()
+    limits: tuple[str, ...] = field(default=())
+
+
+def per_hundred(share: float) -> str:
+    """Return a share of the value range as a number in a hundred, rounded up to two digits.
+
+    It is rounded up so that it still bounds. The least number above 0 is 0.001.
+
+    Parameters
+    ----------
+    share : float
+        At least 0.
+
+    Returns
+    -------
+    str
+        Such as "3.8 in 100".
+    """
+    hundred = 100.0 * share
+    if not hundred > 0:
+        return "0 in 100"
+    hundred = max(hundred, 0.001)
+    digits = max(0, 1 - math.floor(math.log10(hundred)))
+    up = math.ceil(hundred * 10**digits - 1e-9) / 10**digits
+    return f"{up:g} in 100"
+
+
+def in_unit(share: float, unit: str, labels: Sequence[str], own: str = "") -> str:
+    """Return a loss in the problem's own unit.
+
+    Parameters
+    ----------
+    share : float
+        A share of the value range.
+    unit : str
+        The thing counted, in the plural.
+    labels : (k,) str
+        Names of the levels, worst first.
+    own : str
+        The problem's own phrase, in which "{n}" stands for such as "3.8 in 100".
+
+    Returns
+    -------
+    str
+        Such as "3.8 in 100 days being “worst” instead of “best”".
+    """
+    n = per_hundred(share)
+    if own:
+        return own.replace("{n}", n)
+    return f"{n} {unit} being “{labels[0]}” instead of “{labels[-1]}”"

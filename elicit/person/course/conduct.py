@@ -1,0 +1,157 @@
+"""How a person has answered so far, from the log alone: runs of one answer, and the checks.
+
+A check is a question whose answer can be compared with something: an earlier question put again, or
+two neighbouring levels, whose order is known. Whoever answers by chance differs in about half of
+them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from elicit.model.query import Answer, Verdict
+from elicit.tutors.answer_log import EXPECTED, RESOLVED, Entry
+
+Kind = Literal["a", "b", "equal", "cannot tell"]
+
+ORDER = "order/"
+"""Start of the id of a check question about two neighbouring levels."""
+SETTLED = "settled/"
+"""Start of the id of an answer that stands for two that differed."""
+UNSURE_OFFER = 3
+"""Answers "cannot tell" in a row after which the person is offered something else."""
+_UNSURE = 12  # answers "cannot tell" in a row after which the questions are said not to work
+_EQUAL = 10  # answers "equally good" in a row
+_SIDE = 12  # choices of one side in a row: by chance 1 in 2,048, for sides are shuffled
+_FEW = 3  # answers of one kind that are worth a remark at the end
+_SIDE_AT_END = 8
+_DIFFERED = 2  # checks answered otherwise that are worth a remark
+_CHANCE = 0.4  # share of them, of which half is expected of answers by chance
+
+
+def choice_of(answer: Answer) -> Kind:
+    """Return what was chosen on the screen."""
+    if answer.verdict is None:
+        return "cannot tell"
+    if answer.verdict is Verdict.EQUAL:
+        return "equal"
+    return "a" if (answer.verdict is Verdict.BETTER) != answer.swapped else "b"
+
+
+def repeats_in(log: Iterable[Entry]) -> list[Entry]:
+    """Return the repeats that count: those that stand, and those that the person has settled."""
+    return [
+        entry
+        for entry in log
+        if entry.repeat and (entry.retraction is None or RESOLVED in entry.retraction)
+    ]
+
+
+def differs(entry: Entry) -> bool:
+    """Return whether a repeat was answered otherwise than the first time."""
+    return bool(entry.metadata[EXPECTED] != entry.answer.verdict)
+
+
+@dataclass(frozen=True)
+class Conduct:
+    """How the answers of a log were given.
+
+    Attributes
+    ----------
+    answered
+        Answers that stand, without repeats.
+    with_verdict
+        Those among them that say which is better, or equal.
+    checks, differed
+        Number of checks, and of those answered otherwise than before or against the order of the
+        levels.
+    last
+        The last choice on the screen; None if there is no answer.
+    in_a_row
+        How many answers at the end are that choice.
+    """
+
+    answered: int
+    with_verdict: int
+    checks: int
+    differed: int
+    last: Kind | None
+    in_a_row: int
+
+    @staticmethod
+    def of(log: Sequence[Entry]) -> Conduct:
+        """Return the conduct of the answers of a log."""
+        standing = [entry for entry in log if not entry.retracted and not entry.repeat]
+        repeats = repeats_in(log)
+        order = [
+            entry
+            for entry in log
+            if entry.answer.query.id.startswith(ORDER)
+            and (entry.retraction is None or RESOLVED in entry.retraction)
+            and entry.answer.verdict is not None
+        ]
+        said = [choice_of(entry.answer) for entry in log if not entry.retracted]
+        last = said[-1] if said else None
+        row = 0
+        while row < len(said) and said[-1 - row] == last:
+            row += 1
+        return Conduct(
+            answered=len(standing),
+            with_verdict=sum(entry.answer.verdict is not None for entry in standing),
+            checks=len(repeats) + len(order),
+            differed=sum(map(differs, repeats))
+            + sum(entry.answer.verdict is Verdict.WORSE for entry in order),
+            last=last,
+            in_a_row=row,
+        )
+
+    @property
+    def like_chance(self) -> bool:
+        """True if the checks were answered about as they are by chance."""
+        return self.differed >= _DIFFERED and self.differed >= _CHANCE * self.checks
+
+    @property
+    def offers(self) -> bool:
+        """True if the person could not tell in several questions in a row, just now."""
+        return (
+            self.last == "cannot tell" and self.in_a_row > 0 and self.in_a_row % UNSURE_OFFER == 0
+        )
+
+    def caution(self, at_end: bool = False) -> str | None:
+        """Return a sentence on why the answers say little, or None.
+
+        Parameters
+        ----------
+        at_end : bool
+            True if nothing more is asked: then fewer answers of one kind are worth a remark.
+
+        Returns
+        -------
+        str or None
+        """
+        n, all_alike = self.in_a_row, at_end and self.in_a_row >= self.answered
+        if self.last == "cannot tell" and n >= (_FEW if all_alike else _UNSURE):
+            return (
+                f"You could not tell in {n} questions in a row, so nothing can be concluded from "
+                "them."
+            )
+        if self.last == "equal" and n >= (_FEW if all_alike else _EQUAL):
+            return (
+                f"You called {n} pairs in a row equally good. Either the conditions matter little "
+                "to you, or the questions do not show what matters."
+            )
+        if self.last in ("a", "b") and n >= (_SIDE_AT_END if all_alike else _SIDE):
+            side = self.last.upper()
+            return (
+                f"You chose {side} {n} times in a row, although the sides are shuffled. Answers "
+                "that do not depend on the question would look the same."
+            )
+        if self.like_chance or (at_end and self.differed and 2 * self.differed >= self.checks):
+            return (
+                f"You answered {self.differed} of {self.checks} check questions differently from "
+                "before, or against the order of the levels. Answers given by chance would look "
+                "the same."
+            )
+        return None

@@ -1,0 +1,161 @@
+"""Questions that an interview puts beside those of its asker.
+
+They compare one level with a mixture of two others, in whole numbers, as near as possible to the
+middle of what is still open about that level. They need nothing but a comparator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from elicit.model.comparator import Comparator, bounds_of
+from elicit.model.query import Query
+from elicit.model.scale import Floats
+from elicit.person.course.conduct import ORDER
+
+LEVEL = "level/"
+"""Start of the id of a question about a level."""
+_NARROW = 0.02  # width of an interval, from 0 (worst) to 1 (best), that is not worth a question
+_APART = 0.05  # difference, of the same scale, that a question about what is known has at least
+_GRID = 1e-6  # on which widths are compared, so that no rounding decides
+
+
+class _Pair(NamedTuple):
+    """A mixture of two levels: a share of the higher one, and the rest of the lower one."""
+
+    low: int
+    high: int
+
+
+def level_question(
+    comparator: Comparator,
+    of: int,
+    answered: Callable[[Query], bool],
+    asked: Collection[int] = (),
+    mixed_with: Literal["ends", "neighbours"] = "ends",
+) -> Query | None:
+    """Return a question about the level of which most is open, or None if there is none.
+
+    Parameters
+    ----------
+    comparator : Comparator
+    of : int
+        Number of outcomes on either side, if the question can be put so.
+    answered : callable
+        Returns whether a query's difference was answered before.
+    asked : collection of int
+        Levels (0 the worst) that answers are about already; the others come first.
+    mixed_with : {"ends", "neighbours"}
+        The levels of the mixture: the best and the worst, or the next better and the next worse.
+
+    Returns
+    -------
+    Query or None
+    """
+    k = comparator.k
+    low, high = value_bounds(comparator)
+    if not (np.isfinite(low).all() and np.isfinite(high).all()):
+        return None
+    widths = np.rint((high - low) / _GRID).astype(np.int64)
+    order = sorted(range(1, k - 1), key=lambda j: (j in asked, -int(widths[j]), j))
+    for level in order:
+        if widths[level] * _GRID < _NARROW:
+            continue
+        pair = _Pair(0, k - 1) if mixed_with == "ends" else _Pair(level - 1, level + 1)
+        for query in _about(comparator, level, pair, of):
+            if not answered(query):
+                return query
+    return None
+
+
+def known_question(
+    comparator: Comparator, of: int, answered: Callable[[Query], bool]
+) -> Query | None:
+    """Return a question whose answer follows from earlier ones, to see whether it is given.
+
+    It compares a level with the nearest mixture of best and worst that is certainly not as good.
+
+    Parameters
+    ----------
+    comparator : Comparator
+    of : int
+        Number of outcomes on either side.
+    answered : callable
+        Returns whether a query's difference was answered before.
+
+    Returns
+    -------
+    Query or None
+    """
+    counts = np.arange(1, of)
+    found: list[tuple[int, int, int]] = []
+    for level in range(1, comparator.k - 1):
+        least, most = bounds_of(comparator, _differences(comparator.k, level, _Pair(0, -1), of))
+        apart = np.rint(np.maximum(least, -most) / _GRID)  # above 0 where the answer is known
+        known = np.flatnonzero(apart * _GRID >= _APART)
+        found += [(int(apart[row]), level, int(counts[row])) for row in known]
+    for _, level, count in sorted(found):
+        query = _query(comparator.k, level, _Pair(0, comparator.k - 1), count, of)
+        if not answered(query):
+            return query
+    return None
+
+
+def value_bounds(comparator: Comparator) -> tuple[Floats, Floats]:
+    """Return bounds (k,) on each level's value, from 0 for the worst to 1 for the best."""
+    ends = np.eye(comparator.k) - np.eye(comparator.k)[0]
+    return bounds_of(comparator, ends)
+
+
+def order_question(k: int, level: int) -> Query:
+    """Return the check question whether a level is better than the next worse one.
+
+    Parameters
+    ----------
+    k : int
+        Number of levels.
+    level : int
+        From 1 to k - 1. It is the query's left.
+
+    Returns
+    -------
+    Query
+    """
+    rows = np.eye(k)
+    return Query(f"{ORDER}{level}", rows[level], rows[level - 1])
+
+
+def _about(comparator: Comparator, level: int, pair: _Pair, of: int) -> Iterator[Query]:
+    """Return the questions about a level whose answer is open, the most open first."""
+    for total in dict.fromkeys((of, 10 * of)):
+        least, most = bounds_of(comparator, _differences(comparator.k, level, pair, total))
+        width = np.rint(np.minimum(-least, most) / _GRID)
+        open_still = [row for row in np.argsort(-width, kind="stable").tolist() if width[row] > 1]
+        for row in open_still:
+            yield _query(comparator.k, level, pair, row + 1, total)
+        if open_still:
+            return
+
+
+def _differences(k: int, level: int, pair: _Pair, total: int) -> Floats:
+    """Return the differences (total - 1, k) of a level and mixtures of the pair.
+
+    The mixtures have 1, 2, ... outcomes of the higher level.
+    """
+    shares = np.arange(1, total) / total
+    d = np.zeros((len(shares), k))
+    d[:, level] = 1.0
+    d[:, pair.high] -= shares
+    d[:, pair.low] -= 1.0 - shares
+    return d
+
+
+def _query(k: int, level: int, pair: _Pair, count: int, total: int) -> Query:
+    mixture = np.zeros(k)
+    mixture[pair.high] = count / total
+    mixture[pair.low] = (total - count) / total
+    name = f"{LEVEL}{level}/{pair.low}-{pair.high}/{count} of {total}"
+    return Query(name, np.eye(k)[level], mixture)

@@ -1,0 +1,203 @@
+"""The conclusions of ``qlearn teach``: what a policy or a choice says, in words and tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from elicit.asking.choose_from_list import Choice
+from elicit.decision.verdicts import decide
+from elicit.model.comparator import wrong_of
+from elicit.model.outcomes import Status, assumed_of_answers
+from elicit.model.query import Verdict
+from elicit.person.course.conclusion import Conclusion, Table, in_unit
+from elicit.person.showing import Words
+from qlearn.learners.learner import Result
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn.mdp.planning import optimal_policy
+
+
+@dataclass(frozen=True)
+class Told:
+    """The words in which a loss is said: labels, words, and the tolerance where questions end."""
+
+    labels: tuple[str, ...]
+    words: Words
+    tolerance: float
+
+    def loss(self, share: float) -> str:
+        """Return a loss in the problem's own unit."""
+        return in_unit(share, self.words.unit, self.labels, self.words.loss)
+
+
+def policy_conclusion(
+    told: Told,
+    mdp: OrdinalMDP,
+    action_words: Callable[[int], str],
+    legend: str,
+    result: Result,
+    before: float | None,
+) -> Conclusion:
+    """Return what a policy's result says in words, with the states in which the answers change it.
+
+    A change is listed if the policy's action is better than that of equal steps for every scale
+    still plausible, or with the comparator's confidence, when both are followed by the policy.
+    """
+    bound = result.loss_bound
+    settled = bound <= told.tolerance
+    most = told.loss(bound)
+    if np.isnan(bound):
+        headline = "How much your plan could lose cannot be stated."
+        after = "Another comparator can state it."
+    elif settled:
+        headline = f"Your plan is settled. It loses at most as much as {most}."
+        after = "You can stop here. More answers would narrow the values below."
+    else:
+        headline = f"Your plan is not settled. It could still lose as much as {most}."
+        after = {
+            Status.CALLED_EQUAL: "What is still open, you called equally good.",
+            Status.UNSURE: "Where you could not tell, the plan follows the best guess.",
+            Status.EXHAUSTED: "Every question that would help was answered, or you could not tell.",
+        }.get(result.status, f"More answers help. We stop below {told.loss(told.tolerance)}.")
+    unasked = "" if before is None else f"Before your first answer it was {told.loss(before)}."
+    return Conclusion(
+        headline=headline,
+        sure=_sure(result),
+        next=after,
+        before=unasked,
+        changes=_changes(mdp, action_words, legend, result),
+        result=_whole_policy(mdp, action_words, result),
+        settled=settled,
+        early=f"So far your plan loses at most as much as {most}. Your answers are not checked "
+        "yet.",
+    )
+
+
+def _differing(mdp: OrdinalMDP, result: Result) -> tuple[Any, Any, Any]:
+    """Return the policy of equal steps (S,), and where the learned one differs from it.
+
+    The second part are the states, the third whether it is certainly better there.
+    """
+    equal = optimal_policy(mdp, np.linspace(0.0, 1.0, mdp.k), result.policy)
+    states = np.flatnonzero((equal != result.policy) & ~mdp.terminal)
+    d = result.q[states, result.policy[states]] - result.q[states, equal[states]]
+    holds = decide(result.comparator, d).verdicts == Verdict.BETTER if len(states) else states > 0
+    return equal, states, holds
+
+
+def _changes(
+    mdp: OrdinalMDP, action_words: Callable[[int], str], legend: str, result: Result
+) -> Table:
+    """Return the states in which the answers change the action, for certain."""
+    equal, states, holds = _differing(mdp, result)
+    live, n = int(np.count_nonzero(~mdp.terminal)), int(holds.sum())
+    rest = len(states) - n
+    some = ""
+    if n:
+        title = f"In {n} of {live} states your answers change the plan"
+        hold = "This change holds" if n == 1 else "These changes hold"
+        sure = (
+            "for every scale that fits your answers"
+            if result.confidence == 1.0
+            else f"{'' if n == 1 else 'each '}with {result.confidence:.0%} probability"
+        )
+        some = f" {hold} {sure}."
+    elif rest:
+        title = f"In {rest} of {live} states your answers may change the plan"
+        some = " None of these changes is certain yet."
+    else:
+        title = "Your answers do not change the plan"
+    if n and rest:
+        some += f" In {rest} more your answers may change it, but that is still open."
+    note = f"Compared with equal steps between the levels.{some}"
+    rows = tuple(
+        (mdp.state_name(s), action_words(int(equal[s])), action_words(int(result.policy[s])))
+        for s in states[holds].tolist()
+    )
+    return Table(title, ("State", "With equal steps", "With your values"), rows, f"{note} {legend}")
+
+
+def _whole_policy(mdp: OrdinalMDP, action_words: Callable[[int], str], result: Result) -> Table:
+    """Return the action in every state that is not terminal, as a table to download."""
+    equal, states, holds = _differing(mdp, result)
+    change = dict(zip(states.tolist(), holds.tolist(), strict=True))
+    words = {True: "certain", False: "open", None: "none"}
+    rows = tuple(
+        (
+            mdp.state_name(s),
+            action_words(int(result.policy[s])),
+            action_words(int(equal[s])),
+            words[change.get(s)],
+        )
+        for s in np.flatnonzero(~mdp.terminal).tolist()
+    )
+    return Table("", ("state", "action", "action_with_equal_steps", "change"), rows)
+
+
+def icu_dose(action: int) -> str:
+    """Return an action of ICU-Sepsis in words.
+
+    Examples
+    --------
+    >>> icu_dose(20)
+    'very high fluids, no vasopressor'
+    """
+    words = ("no", "low", "medium", "high", "very high")
+    return f"{words[action // 5]} fluids, {words[action % 5]} vasopressor"
+
+
+def policy_stakes(told: Told, result: Result) -> str | None:
+    """Return a sentence on what the policy learned so far can lose."""
+    if np.isnan(result.loss_bound):
+        return None
+    return (
+        f"The plan could still lose as much as {told.loss(result.loss_bound)}. We stop below "
+        f"{told.loss(told.tolerance)}."
+    )
+
+
+def _sure(result: Result | Choice) -> str:
+    """Return a sentence on how certain a bound is."""
+    if result.confidence == 1.0:
+        return f"This holds {assumed_of_answers(wrong_of(result.comparator), 'your')}."
+    if np.isnan(result.confidence):
+        return "How sure this is cannot be stated."
+    return f"This holds with {result.confidence:.0%} probability."
+
+
+def choice_conclusion(
+    told: Told, names: Sequence[str], result: Choice, before: float | None
+) -> Conclusion:
+    """Return what a choice says in words."""
+    most, sure = told.loss(result.loss_bound), _sure(result)
+    settled = result.status in (Status.DONE, Status.CALLED_EQUAL)
+    no_better = "No other alternative is better"
+    no_better += f" by more than {most}." if result.loss_bound > 0 else "."
+    if settled:
+        as_far = "" if result.status is Status.DONE else ", as far as you tell them apart"
+        headline = f"Your choice is “{result.name}”{as_far}. {no_better}"
+        after = "You can stop here."
+    else:
+        headline = f"The choice is open. The best guess so far is “{result.name}”."
+        after = f"Another alternative may be better by as much as {most}. More answers help."
+    unasked = "" if before is None else f"Before your first answer it was {told.loss(before)}."
+    rows = tuple((name, "chosen" if name == result.name else "") for name in names)
+    return Conclusion(
+        headline=headline,
+        sure=sure,
+        next=after,
+        before=unasked,
+        result=Table("", ("alternative", "choice"), rows),
+        settled=settled,
+        early=f"So far your choice is “{result.name}”. Your answers are not checked yet.",
+    )
+
+
+def choice_stakes(told: Told, result: Choice) -> str | None:
+    """Return a sentence on what the choice can lose."""
+    if np.isnan(result.loss_bound):
+        return None
+    return f"Another alternative may still be better by as much as {told.loss(result.loss_bound)}."

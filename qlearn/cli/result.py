@@ -1,0 +1,101 @@
+"""The command ``qlearn result``: what a log of ``qlearn teach`` says, without a browser."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from qlearn.cli.options import fail, number_parser
+from qlearn.cli.teach import RECIPE, problem_parser
+from qlearn.experiments.catalogue import TAUGHT_WITH
+from qlearn.experiments.settings import INNER
+
+if TYPE_CHECKING:
+    from elicit import Interview
+
+_WIDTH = 80
+_NO_RECIPE = (
+    "{} does not say which problem its answers are about: name it with --problem, as for qlearn "
+    "teach"
+)
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to a parser's."""
+    command = commands.add_parser(
+        "result",
+        help="print what the answers of a log say",
+        description="Prints what the answers in a log of qlearn teach say: the conclusion, the "
+        "scale, and what the answers change. The log is not changed. The problem and the settings "
+        "are those of the log, unless options say otherwise.",
+    )
+    command.set_defaults(command=run)
+    command.add_argument("log", type=Path, metavar="LOG", help="a log of qlearn teach")
+    command.add_argument("--problem", type=problem_parser, help="as of qlearn teach [the log's]")
+    command.add_argument("--comparator", choices=TAUGHT_WITH, help="who learns [the log's]")
+    command.add_argument(
+        "--tolerance",
+        type=number_parser(INNER),
+        metavar="X",
+        help="share of the value range at which a plan is called settled [the log's]",
+    )
+    command.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="also write report.html, and scale, policy and answers as .csv and .json",
+    )
+
+
+def run(
+    log: Path, problem: Any, comparator: str | None, tolerance: float | None, out: Path | None
+) -> int:
+    """The command; returns the exit code."""
+    from elicit import AnswerLog, Interview, Session
+    from qlearn.cli.teach_subjects import taught_by
+    from qlearn.cli.teach_terminal import say_report
+
+    try:
+        recipe = dict(AnswerLog.read(log).header.get(RECIPE, {}))
+        if problem is None and "problem" not in recipe:
+            return fail(_NO_RECIPE.format(log))
+        taught = taught_by(
+            problem_parser(recipe["problem"]) if problem is None else problem,
+            comparator or recipe.get("comparator", "polytope"),
+            recipe.get("days", 10),
+            recipe.get("unit"),
+            recipe.get("seed", 0),
+            recipe.get("tolerance", 0.01) if tolerance is None else tolerance,
+        )
+        with tempfile.TemporaryDirectory() as folder:
+            # a session may mark answers as unused: that is done to a copy
+            copy = Path(shutil.copy(log, folder))
+            kept = AnswerLog(copy, len(taught.subject.labels), taught.header)
+            with (
+                kept,
+                Session(taught.make, kept, seed=recipe.get("seed", 0)) as session,
+                Interview(session, taught.subject) as interview,
+            ):
+                say_report(interview.handle({"do": "finish"}), _WIDTH)
+                if out is not None:
+                    _write(interview, out)
+    except BrokenPipeError:  # which ends the command quietly
+        raise
+    except (ImportError, ValueError, OSError) as error:
+        return fail(str(error))
+    return 0
+
+
+def _write(interview: Interview, out: Path) -> None:
+    """Write the report and the tables to a folder, and print their names."""
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "report.html").write_text(interview.handle({"do": "report"})["html"], encoding="utf-8")
+    names = ["report.html"]
+    for what in ("scale", "policy", "answers"):
+        for form in ("csv", "json"):
+            text = interview.handle({"do": "download", "what": what, "format": form})["text"]
+            names.append(f"{what}.{form}")
+            (out / names[-1]).write_text(text, encoding="utf-8")
+    print(f"Written to {out}: {', '.join(names)}.")

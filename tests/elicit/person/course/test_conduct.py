@@ -1,0 +1,96 @@
+"""How a person answered is read from the log alone."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from elicit import Answer, AnswerLog, Query, Verdict
+from elicit.person.course.conduct import ORDER, Conduct, choice_of, differs, repeats_in
+from elicit.tutors.answer_log import EXPECTED, REPEATS, RESOLVED
+
+LEFT, RIGHT = np.array([0.0, 1.0, 0.0]), np.array([0.5, 0.0, 0.5])
+
+
+def log_of(*choices: str) -> AnswerLog:
+    """A log of answers to questions of its own, every second one shown right to left."""
+    log = AnswerLog(k=3)
+    for i, choice in enumerate(choices):
+        swapped = bool(i % 2)
+        better = Verdict.BETTER if (choice == "a") != swapped else Verdict.WORSE
+        verdict = {"equal": Verdict.EQUAL, "cannot tell": None}.get(choice, better)
+        log.append(Answer(Query(f"q{i}", LEFT, RIGHT), verdict, swapped))
+        assert choice_of(log[-1].answer) == choice
+    return log
+
+
+def repeated(log: AnswerLog, i: int, verdict: Verdict) -> None:
+    """Answer question i again."""
+    first = log[i].answer
+    told: dict[str, Any] = {REPEATS: first.query.id, EXPECTED: int(first.verdict or 0)}
+    log.append(Answer(Query(f"q{i} again", LEFT, RIGHT), verdict), used=False, **told)
+
+
+def conduct(log: AnswerLog) -> Conduct:
+    return Conduct.of([*log])
+
+
+@pytest.mark.parametrize(
+    ("choice", "fewer", "more", "said"),
+    [
+        ("cannot tell", 11, 12, "You could not tell in 12 questions in a row"),
+        ("equal", 9, 10, "You called 10 pairs in a row equally good"),
+        ("a", 11, 12, "You chose A 12 times in a row"),
+        ("b", 11, 12, "You chose B 12 times in a row"),
+    ],
+)
+def test_a_long_run_of_one_answer_is_said(choice: str, fewer: int, more: int, said: str) -> None:
+    other = "a" if choice != "a" else "b"
+    assert conduct(log_of(other, *[choice] * fewer)).caution() is None
+    assert str(conduct(log_of(other, *[choice] * more)).caution()).startswith(said)
+    assert conduct(log_of(*[choice] * more, other)).caution() is None
+
+
+def test_at_the_end_a_few_answers_are_enough_if_there_are_no_others() -> None:
+    for choice, n in (("cannot tell", 3), ("equal", 3), ("a", 8)):
+        alike, mixed = conduct(log_of(*[choice] * n)), conduct(log_of("b", *[choice] * n))
+        assert alike.caution() is None
+        assert alike.caution(at_end=True) is not None
+        assert mixed.caution(at_end=True) is None
+
+
+def test_an_offer_is_made_after_every_third_cannot_tell_in_a_row() -> None:
+    for n, offers in ((2, False), (3, True), (4, False), (6, True)):
+        assert conduct(log_of("a", *["cannot tell"] * n)).offers == offers
+    assert not conduct(AnswerLog(k=3)).offers
+
+
+def test_answers_that_differ_as_often_as_by_chance_are_said() -> None:
+    log = log_of("a", "b", "a", "b", "equal", "a")
+    repeated(log, 0, Verdict.BETTER)
+    repeated(log, 1, Verdict.WORSE)
+    assert (conduct(log).checks, conduct(log).differed) == (2, 1)
+    assert conduct(log).caution() is None
+    assert conduct(log).caution(at_end=True) is not None
+    repeated(log, 2, Verdict.WORSE)
+    assert "2 of 3 check questions" in str(conduct(log).caution())
+    assert [differs(entry) for entry in repeats_in(log)] == [False, True, True]
+    assert conduct(log).answered == 6
+
+
+def test_a_repeat_that_the_person_settled_still_counts_and_one_taken_back_does_not() -> None:
+    log = log_of("a", "b")
+    repeated(log, 0, Verdict.WORSE)
+    log.retract("q0 again", **{RESOLVED: 1})
+    assert (conduct(log).checks, conduct(log).differed) == (1, 1)
+    repeated(log, 1, Verdict.BETTER)
+    log.retract("q1 again")
+    assert (conduct(log).checks, conduct(log).differed) == (1, 1)
+
+
+def test_an_answer_against_the_order_of_the_levels_is_a_check_that_differs() -> None:
+    log = AnswerLog(k=3)
+    for level, verdict in ((1, Verdict.BETTER), (2, Verdict.WORSE)):
+        query = Query(f"{ORDER}{level}", np.eye(3)[level], np.eye(3)[level - 1])
+        log.append(Answer(query, verdict))
+    assert (conduct(log).checks, conduct(log).differed) == (2, 1)

@@ -1,0 +1,104 @@
+"""Further questions are in whole numbers, open, and about the level of which least is known."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from elicit import Answer, Answers, PolytopeComparator, PosteriorComparator, Query, Verdict
+from elicit.model.comparator import bounds_of
+from elicit.person.course.further import (
+    known_question,
+    level_question,
+    order_question,
+    value_bounds,
+)
+from elicit.person.showing import show
+
+
+def never(_: Query) -> bool:
+    return False
+
+
+def about(query: Query) -> int:
+    """The level on the query's left."""
+    return int(np.flatnonzero(query.left)[0])
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10_000), k=st.integers(3, 7), neighbours=st.booleans())
+def test_either_answer_is_possible_and_the_question_is_shown_as_it_is(
+    seed: int, k: int, neighbours: bool
+) -> None:
+    chance = np.random.default_rng(seed)
+    knows, values = PolytopeComparator(k), np.sort(chance.random(k))
+    for _ in range(int(chance.integers(0, 6))):
+        query = level_question(knows, 10, never)
+        if query is None:
+            break
+        sign = Verdict(int(np.sign(query.d @ values)) or 1)
+        knows = knows.update(Answers.of([Answer(query, sign)], k))
+    found = level_question(knows, 10, never, mixed_with="neighbours" if neighbours else "ends")
+    if found is None:
+        low, high = value_bounds(knows)
+        assert neighbours or (high - low).max() < 0.02 + 1e-6
+        return
+    (least,), (most,) = bounds_of(knows, found.d[None, :])
+    assert least < 0 < most
+    assert show(found).exact
+    assert show(found).of in (10, 100)
+
+
+def test_levels_that_no_answer_is_about_come_first() -> None:
+    knows = PolytopeComparator(5)
+    for asked, level in (((), 1), ((1,), 2), ((1, 2), 3), ((1, 2, 3), 1)):
+        query = level_question(knows, 10, never, asked)
+        assert query is not None
+        assert about(query) == level
+        assert np.flatnonzero(query.right).tolist() == [0, 4]
+
+
+def test_a_question_that_was_answered_is_not_put_again() -> None:
+    knows, seen = PolytopeComparator(3), set[str]()
+    while query := level_question(knows, 10, lambda query: query.id in seen):
+        assert query.id not in seen
+        seen.add(query.id)
+    assert len(seen) == 9
+
+
+def test_it_ends_where_everything_is_known_or_nothing_can_be() -> None:
+    assert level_question(PolytopeComparator(2), 10, never) is None
+    knows = PolytopeComparator(3, tie=0.0)
+    equal = Answer(Query("q", [0, 1, 0], [0.5, 0, 0.5]), Verdict.EQUAL)
+    assert level_question(knows.update(Answers.of([equal], 3)), 10, never) is None
+
+
+def test_a_known_question_has_one_answer_and_is_not_too_easy() -> None:
+    knows, seen = PolytopeComparator(4), set[str]()
+    assert known_question(knows, 10, never) is None  # nothing is known yet
+    for level, n in ((1, 3), (2, 6)):
+        mixture = np.array([10 - n, 0, 0, n]) / 10
+        equal = Answer(Query(f"{level}", np.eye(4)[level], mixture), Verdict.EQUAL)
+        knows = knows.update(Answers.of([equal], 4))
+    apart = []
+    while query := known_question(knows, 10, lambda query: query.id in seen):
+        seen.add(query.id)
+        (least,), (most,) = bounds_of(knows, query.d[None, :])
+        assert least > 0 or most < 0
+        apart.append(max(least, -most))
+    assert np.round(apart, 6).tolist() == sorted(np.round(apart, 6).tolist())
+    assert apart[0] >= 0.05
+    assert len(apart) == 16
+
+
+def test_a_posterior_is_asked_as_well() -> None:
+    query = level_question(PosteriorComparator(4, particles=200, seed=0), 10, never)
+    assert query is not None
+    assert show(query).exact
+
+
+@pytest.mark.parametrize("level", [1, 2, 3])
+def test_the_order_check_has_the_better_level_on_its_left(level: int) -> None:
+    query = order_question(4, level)
+    assert (query.d @ np.arange(4.0)) > 0
+    assert show(query).exact

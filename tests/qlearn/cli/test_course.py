@@ -1,0 +1,384 @@
+"""Interviews with scripted persons come to an end, say why, and claim only what holds."""
+
+from __future__ import annotations
+
+import random
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from elicit import AnswerLog, Interview, Session
+from elicit.person.course.conduct import ORDER
+from qlearn import policy_loss, random_mdp
+from qlearn.cli.teach_subjects import Taught, taught_by
+from tests.thoroughness import quick_first
+
+MDP = random_mdp(30, 3, 5, 0.9, seed=0)[0]
+Says = Callable[[dict[str, Any]], str]
+MOST = 25  # questions after which an end must have come
+ALIKE = ("a", "b", "equal", "cannot tell")
+
+
+def taught(comparator: str = "polytope", tolerance: float = 0.01) -> Taught:
+    return taught_by("random", comparator, 10, None, 0, tolerance)
+
+
+def truthful(values: Any, errors: float = 0.0, seed: int = 0) -> Says:
+    """One who answers by these values, but errs in this share of the questions."""
+    chance = random.Random(seed)
+
+    def says(question: dict[str, Any]) -> str:
+        apart = sum(values[row["level"]] * (row["a"] - row["b"]) for row in question["rows"])
+        if abs(apart) < 1e-9:
+            return "equal"
+        return "a" if (apart > 0) != (chance.random() < errors) else "b"
+
+    return says
+
+
+class Person:
+    """A person in an interview: says answers a question; settles and offered, the other screens."""
+
+    def __init__(self, interview: Interview, says: Says, settle: int = 0, option: str = "on"):
+        self.interview, self.says, self.settle, self.option = interview, says, settle, option
+        self.stages: list[str] = []
+        self.screen = interview.handle({"do": "state"})
+
+    def step(self) -> None:
+        """Answer the present screen."""
+        screen, handle = self.screen, self.interview.handle
+        self.stages.append(screen["stage"])
+        match screen["stage"]:
+            case "welcome":
+                self.screen = handle({"do": "start"})
+            case "practice":
+                self.screen = handle({"do": "practised", "choice": "a"})
+            case "conflict":
+                found = screen["conflict"]
+                choice = found["choices"][self.settle]["choice"]
+                self.screen = handle({"do": "settle", "id": found["id"], "choice": choice})
+            case "offer":
+                self.screen = handle({"do": "choose", "option": self.option})
+            case "question":
+                question = screen["question"]
+                told = {"id": question["id"], "choice": self.says(question)}
+                self.screen = handle({"do": "answer", **told})
+
+    def until(self, stage: str, questions: int = 100) -> dict[str, Any]:
+        """Answer until this stage, or after so many questions; the screen then."""
+        while self.screen["stage"] != stage and self.stages.count("question") < questions:
+            self.step()
+        return self.screen
+
+
+def interviewed(says: Says, log: AnswerLog | None = None, **how: Any) -> Any:
+    """The screen at the end of an interview, and the stages on the way there."""
+    told = taught()
+    with (
+        Session(told.make, log if log is not None else AnswerLog(), audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        person = Person(interview, says, **how)
+        return person.until("end", MOST), person.stages
+
+
+@pytest.mark.parametrize("choice", ALIKE)
+def test_one_who_always_says_the_same_gets_an_end_that_says_so(choice: str) -> None:
+    screen, stages = interviewed(lambda _: choice)
+    assert screen["stage"] == "end"
+    assert stages.count("question") <= MOST
+    assert screen["end"]["caution"]
+    assert not screen["end"]["settled"]
+    assert "settled" not in screen["end"]["headline"] or "not" in screen["end"]["headline"]
+
+
+def test_most_who_answer_by_chance_get_an_end_that_says_so() -> None:
+    said, seeds = 0, range(8)
+    for seed in seeds:
+        chance = random.Random(seed)
+        choices = ("a", "b") if seed % 2 else ALIKE
+        screen, _ = interviewed(lambda _, chance=chance, of=choices: chance.choice(of))  # type: ignore[misc]
+        assert screen["stage"] == "end"
+        end = screen["end"]
+        said += end["caution"] is not None
+        # who passes all checks by chance cannot be told from one who means it
+        assert end["caution"] is not None or end["counts"]["repeated"] >= 2
+    assert said >= 0.75 * len(seeds)
+
+
+def test_a_truthful_person_is_told_nothing_of_the_kind() -> None:
+    for seed in range(3):
+        values = np.sort(np.random.default_rng(seed).random(5))
+        screen, stages = interviewed(truthful(values))
+        assert screen["end"]["caution"] is None
+        assert screen["end"]["settled"]
+        assert not {"conflict", "offer"} & {*stages}
+        counts = screen["end"]["counts"]
+        assert counts["answered"] - counts["cannot tell"] >= 5
+        assert counts["repeated"] == counts["alike"] >= 1
+
+
+def plausible(session: Session, n: int = 400) -> Any:
+    """Scales (m, k) that fit all answers of a session, from many drawn at random."""
+    chance = np.random.default_rng(1)
+    inside = np.sort(chance.dirichlet(np.full(4, 0.5), 60 * n).cumsum(axis=1)[:, :-1], axis=1)
+    scales = np.hstack([np.zeros((len(inside), 1)), inside, np.ones((len(inside), 1))])
+    fits = np.ones(len(scales), bool)
+    for entry in session.log:
+        worth, verdict = scales @ entry.answer.query.d, entry.answer.verdict
+        if entry.used and verdict is not None:
+            fits &= np.abs(worth) <= 0.01 if verdict == 0 else verdict * worth >= 0
+    return scales[fits][:n]
+
+
+@pytest.mark.parametrize("answers", [0, 1, 2])
+@pytest.mark.parametrize("seed", quick_first(range(4), 2))
+def test_after_few_answers_only_what_holds_for_every_plausible_scale_is_claimed(
+    answers: int, seed: int
+) -> None:
+    told, values = taught(), np.sort(np.random.default_rng(seed).random(5))
+    with (
+        Session(told.make, AnswerLog(), audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        person = Person(interview, truthful(values))
+        person.until("question")
+        for _ in range(answers):
+            person.step()
+        end = interview.handle({"do": "finish"})["end"]
+        assert not end["settled"]
+        scales, result = plausible(session), session.result()
+        assert len(scales) > 20
+        bound = re.search(r"lose as much as ([\d.]+) in 100", end["headline"])
+        assert (bound is None) == (answers == 0)
+        if bound:
+            lost = max(policy_loss(MDP, result.policy, scale).max() for scale in scales)
+            assert lost <= float(bound[1]) / 100
+        for row, values_of in zip(reversed(end["scale"]), 100 * scales.T, strict=True):
+            assert row["low"] <= values_of.min() + 1e-9
+            assert values_of.max() - 1e-9 <= row["high"]
+        asked = {level for e in session.log for level in np.flatnonzero(e.answer.query.d)} | {0, 4}
+        assert [row["asked"] for row in reversed(end["scale"])] == [i in asked for i in range(5)]
+        if answers == 0:
+            assert "nothing is known about your values" in end["headline"].lower()
+            assert not end["changes"]["rows"]
+        names = {MDP.state_name(s): s for s in range(MDP.n_states)}
+        for state, other, mine in end["changes"]["rows"]:
+            s, (a, b) = names[state], (int(mine), int(other))
+            assert (((result.q[s, a] - result.q[s, b]) @ scales.T) > 0).all()
+        table = {row["state"]: row["change"] for row in interview.table("policy")}
+        certain = [state for state, change in table.items() if change == "certain"]
+        assert certain == [row[0] for row in end["changes"]["rows"]]
+        unknown = [row["value"] is None for row in interview.table("scale")]
+        assert unknown == [not row["asked"] for row in end["scale"]]
+
+
+@pytest.mark.slow
+def test_with_a_posterior_changes_are_listed_if_they_hold_with_its_confidence() -> None:
+    told, listed = taught("posterior"), 0
+    with (
+        Session(told.make, AnswerLog(), audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        Person(interview, truthful(np.array([0, 0.02, 0.1, 0.9, 1.0]))).until("end", MOST)
+        end = interview.handle({"do": "finish"})["end"]
+        result = session.result()
+        names = {MDP.state_name(s): s for s in range(MDP.n_states)}
+        for state, other, mine in end["changes"]["rows"]:
+            s, (a, b) = names[state], (int(mine), int(other))
+            d = (result.q[s, a] - result.q[s, b])[None, :]
+            assert result.comparator.probability(d)[0] >= 0.95 - 1e-9
+            listed += 1
+        assert listed
+        assert end["sure"] == "This holds with 95% probability."
+
+
+def test_where_nothing_is_at_stake_nothing_is_asked_and_that_is_said() -> None:
+    told = taught(tolerance=0.9)
+    with (
+        Session(told.make, AnswerLog(), audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        screen = interview.handle({"do": "state"})
+        assert screen["stage"] == "end"
+        assert screen["end"]["headline"].startswith("Your plan is settled")
+        assert screen["end"]["before"].startswith("Before your first answer it was ")
+        assert screen["end"]["caution"] is None
+        screen = interview.handle({"do": "more"})  # who wants to can answer all the same
+        assert screen["stage"] == "question"
+
+
+def test_another_answer_to_the_same_question_is_brought_up_at_once_and_learned() -> None:
+    values = np.array([0, 0.2, 0.45, 0.7, 1.0])
+    for settle, meant in ((0, "first"), (1, "second"), (2, "equal"), (3, "cannot tell")):
+        told, log = taught(), AnswerLog()
+        with (
+            Session(told.make, log, audit=0.1) as session,
+            Interview(session, told.subject) as interview,
+        ):
+            person = Person(interview, truthful(values), settle=settle)
+            while person.screen["stage"] != "question" or not session.is_repeat(
+                person.screen["question"]["id"]
+            ):
+                person.step()
+            question = person.screen["question"]
+            other = {"a": "b", "b": "a"}[person.says(question)]
+            told_other = {"do": "answer", "id": question["id"], "choice": other}
+            person.screen = interview.handle(told_other)
+            assert person.screen["stage"] == "conflict"
+            assert interview.handle({"do": "state"}) == person.screen
+            assert [one["name"] for one in person.screen["conflict"]["answers"]] == [
+                "Before",
+                "Now",
+            ]
+            first = next(e for e in log if e.answer.query.id == question["id"][: -len(" again")])
+            again = log[-1].answer.verdict
+            person.step()
+            assert person.stages[-1] == "conflict"
+            assert person.screen["stage"] != "conflict"
+            stands = {
+                e.answer.query.id.removeprefix("settled/"): e.answer.verdict
+                for e in log
+                if not e.retracted
+            }
+            expected = {"first": first.answer.verdict, "second": again, "equal": 0}.get(meant)
+            assert stands[first.answer.query.id] == expected
+            assert session.status().repeated - session.status().alike == 1
+            known = dict(zip(session.result().answers.ids, session.result().answers.y, strict=True))
+            ids = [first.answer.query.id, f"settled/{first.answer.query.id}"]
+            assert [known[id_] for id_ in ids if id_ in known] == (
+                [] if expected is None else [expected]
+            )
+            with Session(told.make, log, audit=0.1) as resumed:
+                assert resumed.status() == session.status()
+
+
+def test_an_answer_against_the_order_of_the_levels_is_brought_up_at_once() -> None:
+    told, log = taught(), AnswerLog()
+    honest = truthful(np.array([0, 0.2, 0.45, 0.7, 1.0]))
+
+    def says(question: dict[str, Any]) -> str:
+        choice = honest(question)
+        return {"a": "b", "b": "a"}[choice] if question["id"].startswith(ORDER) else choice
+
+    with (
+        Session(told.make, log, audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        screen = Person(interview, says).until("conflict", MOST)
+        assert screen["conflict"]["heading"].startswith("This answer goes against the order")
+        assert screen["open_conflicts"] == 1
+        told_later = {"do": "settle", "id": screen["conflict"]["id"], "choice": "later"}
+        screen = interview.handle(told_later)
+        assert screen["stage"] == "question"
+        assert screen["note"].startswith("Nothing was changed.")
+
+
+def test_after_three_cannot_tell_there_is_an_offer_and_another_kind_of_question() -> None:
+    told, log = taught(), AnswerLog()
+    with (
+        Session(told.make, log, audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        person = Person(interview, lambda _: "cannot tell", option="other")
+        screen = person.until("offer", MOST)
+        assert [option["option"] for option in screen["offer"]["options"]] == [
+            "other",
+            "on",
+            "pause",
+            "finish",
+        ]
+        assert person.stages.count("question") == 3
+        assert interview.handle({"do": "state"}) == screen
+        person.step()
+        assert person.screen["question"]["id"].startswith("level/")
+        end = interview.handle({"do": "finish"})["end"]
+        assert end["more"]
+        assert interview.handle({"do": "more"})["stage"] == "question"
+        with pytest.raises(ValueError, match="option must be"):
+            interview.handle({"do": "choose", "option": "x"})
+
+
+def test_a_budget_is_said_once_and_the_person_can_go_on() -> None:
+    told = taught()
+    with (
+        Session(told.make, AnswerLog(), audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        assert interview.handle({"do": "state"})["welcome"]["before"].startswith(
+            "Before your first answer, the result could lose as much as "
+        )
+        interview.handle({"do": "start", "who": "  Ann\x1b ", "budget": "3"})
+        person = Person(interview, truthful(np.array([0, 0.2, 0.45, 0.7, 1.0])))
+        screen = person.until("offer", MOST)
+        assert screen["answered"] == 3
+        assert screen["offer"]["heading"].startswith("You planned 3 questions")
+        person.step()
+        assert person.until("end", MOST)["end"]["settled"]
+        assert person.stages.count("offer") == 1
+        assert session.who == "Ann "
+        html = interview.handle({"do": "report"})["html"]
+        for said in ("Ann", "polytope", "Tolerance", "1 in 100", "Seed", "elicit-qlearn", "Person"):
+            assert said in html
+
+
+def test_who_stops_early_is_not_told_that_the_plan_is_settled() -> None:
+    told = taught(tolerance=0.1)
+    with (
+        Session(told.make, AnswerLog(), audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        person = Person(interview, truthful(np.array([0, 0.2, 0.45, 0.7, 1.0])))
+        while session.result().loss_bound > 0.1 or person.screen["stage"] != "question":
+            person.step()
+        end = interview.handle({"do": "finish"})["end"]
+        assert not end["settled"]
+        assert not end["finished"]
+        assert "settled" not in end["headline"]
+        assert "not checked yet" in end["headline"]
+
+
+def test_after_the_end_more_is_asked_until_the_scale_is_known() -> None:
+    told, log = taught(), AnswerLog()
+    with (
+        Session(told.make, log, audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        person = Person(interview, truthful(np.array([0, 0.23, 0.48, 0.71, 1.0])))
+        before = person.until("end")["end"]
+        assert before["more"]
+        person.screen = interview.handle({"do": "more"})
+        after = person.until("end")["end"]
+
+        def widths(end: dict[str, Any]) -> float:
+            return sum(float(row["high"] - row["low"]) for row in end["scale"])
+
+        assert widths(after) < widths(before)
+        assert after["settled"]
+        assert not after["more"]
+
+
+def test_downloads_are_those_of_the_screens() -> None:
+    told = taught()
+    with (
+        Session(told.make, AnswerLog(), audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        screen = Person(interview, truthful(np.array([0, 0.2, 0.45, 0.7, 1.0]))).until("end")
+        assert screen["end"]["downloads"] == ["scale", "policy", "answers"]
+        rows = interview.table("answers")
+        assert len(rows) == len(session.log)
+        for row, entry in zip(rows, session.log, strict=True):
+            shown = next(a for a in reversed(session.log.asked) if a.query.id == row["id"])
+            assert [int(n) for n in row["a"].split()] == shown.metadata["shown"]["a"]
+            assert row["chosen"] in ALIKE
+            assert row["repeat"] == entry.repeat
+        reply = interview.handle({"do": "download", "what": "policy", "format": "csv"})
+        assert reply["name"].startswith("a-random-problem-policy-")
+        assert reply["text"].count("\n") == 1 + np.count_nonzero(~MDP.terminal)
+        for wrong in ({"what": "log", "format": "csv"}, {"what": "scale", "format": "xml"}):
+            with pytest.raises(ValueError, match="what is scale"):
+                interview.handle({"do": "download", **wrong})

@@ -1,0 +1,129 @@
+"""``qlearn result`` says of a log what the page says, and does not change the log."""
+
+import csv
+import io
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from elicit import AnswerLog
+from qlearn.cli.main import main
+from tests.interpreter import ROOT
+
+TABLE = "name,died,ill,well\nold,2,3,5\nnew,3,1,6\nnone,1,8,1\n"
+
+
+@pytest.fixture
+def log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Path:
+    """The log of somebody who answered six questions about a table, or settled what differed."""
+    monkeypatch.chdir(tmp_path)
+    Path("care.csv").write_text(TABLE)
+    monkeypatch.setattr(sys, "stdin", io.StringIO("1\n" * 7))
+    assert main(["teach", "--problem", "care.csv", "--unit", "patients", "--seed", "2"]) == 0
+    capsys.readouterr()
+    return Path("answers-care.jsonl")
+
+
+def test_it_says_what_the_answers_say_and_leaves_the_log_as_it_is(
+    log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = log.read_bytes()
+    assert main(["result", str(log), "--out", "found"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert log.read_bytes() == before
+    assert "What the levels are worth" in said
+    assert "patients being “died” instead of “well”" in said
+    assert "Before your first answer it was " in said
+    assert "report.html" in said
+    answers = json.loads(Path("found/answers.json").read_text())
+    assert [row["id"] for row in answers] == [e.answer.query.id for e in AnswerLog.read(log)]
+    scale = [*csv.DictReader(Path("found/scale.csv").read_text().splitlines())]
+    assert [row["level"] for row in scale] == ["well", "ill", "died"]
+    policy = json.loads(Path("found/policy.json").read_text())
+    assert sum(row["choice"] == "chosen" for row in policy) == 1
+    report = Path("found/report.html").read_text()
+    for said in ("Comparator", "polytope", "Seed", "Person", "answers-care.jsonl"):
+        assert said in report
+
+
+def test_another_comparator_and_a_log_that_does_not_say_its_problem(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["result", str(log), "--comparator", "posterior"]) == 0
+    assert "with 95% probability" in " ".join(capsys.readouterr().out.split())
+    with AnswerLog("plain.jsonl", 3):
+        pass
+    assert main(["result", "plain.jsonl"]) == 1
+    assert "--problem" in capsys.readouterr().err
+    assert main(["result", "none.jsonl"]) == 1
+    assert "none.jsonl" in capsys.readouterr().err
+
+
+def test_a_log_is_shown_in_the_words_of_the_screen(
+    log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["log", "show", str(log)]) == 0
+    shown = capsys.readouterr().out
+    assert "patients)" in shown
+    assert "left" not in shown
+    assert " A: " in shown
+
+
+def test_a_reader_who_has_read_enough_gets_no_traceback(log: Path) -> None:
+    command = (
+        f"{sys.executable} -m qlearn log show {' '.join([str(log.resolve())] * 400)} | head -1"
+    )
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, cwd=ROOT)
+    assert done.stdout.startswith(str(log.resolve()))
+    assert "Traceback" not in done.stderr
+    assert "BrokenPipe" not in done.stderr
+
+
+def test_a_csv_says_its_words_in_a_file_beside_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "stdin", io.StringIO(""))
+    Path("care.csv").write_text(TABLE)
+    assert main(["teach", "--problem", "care.csv"]) == 0
+    assert "Write it in care.words.json" in capsys.readouterr().err
+    words = {"title": "Hip care", "unit": "patients", "levels": {"ill": "In bed"}}
+    Path("care.words.json").write_text(json.dumps(words))
+    assert main(["teach", "--problem", "care.csv", "--log", "new.jsonl"]) == 0
+    shown = capsys.readouterr()
+    assert shown.out.startswith("Hip care\n  - ill: In bed\n")
+    assert "care.words.json" not in shown.err
+    for text, said in (
+        ("{", "is no JSON"),
+        ('{"colour": "red"}', "some of the names unit, verb"),
+        ('{"title": 3}', "'title' in care.words.json must be a text"),
+        ('{"levels": {"dead": "x"}}', "by the names of levels, some of died, ill, well"),
+    ):
+        Path("care.words.json").write_text(text)
+        assert main(["teach", "--problem", "care.csv"]) == 1
+        assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("died,ill,well\n2,3,5\n3,1,6\n", "it must hold the names of the alternatives. If 'died'"),
+        ("2,3,5\n3,1,6\n", "the first line of x.csv holds numbers"),
+    ],
+)
+def test_a_missing_column_of_names_is_said(
+    text: str,
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("x.csv").write_text(text)
+    assert main(["teach", "--problem", "x.csv"]) == 1
+    assert said in capsys.readouterr().err
