@@ -15,12 +15,12 @@ from elicit.model.difference import tail_sums
 from elicit.model.pairs import same_pairs
 from elicit.model.query import Query, Verdict
 from elicit.person.asker import Compares
-from elicit.person.course.conclusion import Conclusion, Facts, in_unit
+from elicit.person.course.conclusion import Conclusion, SessionFacts, in_unit
 from elicit.person.course.conduct import Conduct, choice_of
 from elicit.person.course.files import answer_row, as_csv, as_json
 from elicit.person.course.further import known_question, level_question
 from elicit.person.findings import asked_levels, certainty, scale_rows
-from elicit.person.report import report_page
+from elicit.person.report import ReportDetails, report_page
 from elicit.person.session import Session
 from elicit.person.showing import MOST_ICONS, Shown, Words, printable, show
 from elicit.tutors.answer_log import Entry
@@ -67,7 +67,7 @@ class Subject:
     conclude : callable
         Returns the ``Conclusion`` of the outcome of ``Session.result``. Its second argument is the
         share of the value range that could be lost before the first answer, or None if unknown.
-    facts : Facts
+    facts : SessionFacts
         Facts that the report names.
     """
 
@@ -82,7 +82,7 @@ class Subject:
     conclude: Callable[[Any, float | None], Conclusion] = field(
         default=_nothing_concluded, repr=False
     )
-    facts: Facts = field(default_factory=Facts)
+    facts: SessionFacts = field(default_factory=SessionFacts)
 
 
 @dataclass(frozen=True)
@@ -286,12 +286,14 @@ class Drawing:
             self._end(query is not None and not whole),
             self._answers()["answers"],
             waiting=whole,
-            log=None if log.path is None else printable(log.path.name),
-            checksum=log.checksum,
-            preamble=printable(self._subject.words.preamble),
-            legend=self._legend(),
-            facts={**facts, "Version": f"elicit-qlearn {version()}"},
-            limits=self._limits(),
+            details=ReportDetails(
+                log=None if log.path is None else printable(log.path.name),
+                checksum=log.checksum,
+                preamble=printable(self._subject.words.preamble),
+                legend=self._legend(),
+                facts={**facts, "Version": f"elicit-qlearn {version()}"},
+                limits=self._limits(),
+            ),
         )
         return {"html": html, "name": self._file_name("report", "html", now)}
 

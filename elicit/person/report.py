@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
 from typing import Any
 
@@ -48,18 +49,42 @@ dd { margin: 0; overflow-wrap: anywhere; }
 """  # noqa: E501
 
 
+@dataclass(frozen=True)
+class ReportDetails:
+    """Further parts of a report.
+
+    Attributes
+    ----------
+    log, checksum : str, optional
+        The name of the file of the answers, and the end of its last line.
+    preamble : str
+        Text shown before the questions.
+    legend : mapping, optional
+        The meaning of the levels, as in the screens of ``Interview``.
+    facts : mapping, optional
+        Facts that the report names, such as the person and the version.
+    limits : sequence of str
+        Sentences on what the result does not say.
+    """
+
+    log: str | None = None
+    checksum: str | None = None
+    preamble: str = ""
+    legend: Mapping[str, Any] | None = None
+    facts: Mapping[str, str] | None = None
+    limits: Sequence[str] = ()
+
+
+_NO_DETAILS = ReportDetails()
+
+
 def report_page(
     title: str,
     when: str,
     end: Mapping[str, Any],
     answers: Sequence[Mapping[str, Any]],
     waiting: bool,
-    log: str | None = None,
-    checksum: str | None = None,
-    preamble: str = "",
-    legend: Mapping[str, Any] | None = None,
-    facts: Mapping[str, str] | None = None,
-    limits: Sequence[str] = (),
+    details: ReportDetails = _NO_DETAILS,
 ) -> str:
     """Return the page as HTML.
 
@@ -72,16 +97,7 @@ def report_page(
         As in the replies of ``Interview``.
     waiting : bool
         True if more could be asked.
-    log, checksum : str, optional
-        The name of the file of the answers, and the end of its last line.
-    preamble : str
-        Text shown before the questions.
-    legend : mapping, optional
-        The meaning of the levels, as in the screens of ``Interview``.
-    facts : mapping, optional
-        Facts that the report names, such as the person and the version.
-    limits : sequence of str
-        Sentences on what the result does not say.
+    details : ReportDetails
 
     Returns
     -------
@@ -108,19 +124,23 @@ def report_page(
         parts += ["<h2>What else follows</h2>", *_statements(end["statements"])]
     if end.get("changes"):
         parts += _changes(end["changes"])
-    if preamble or legend:
-        parts += ["<h2>What was asked</h2>", *_asked_about(preamble, legend)]
+    if details.preamble or details.legend:
+        asked = _asked_about(details.preamble, details.legend)
+        parts += ["<h2>What was asked</h2>", *asked]
     parts += ["<h2>Every answer</h2>", *_answers(answers, end["conflicts"])]
-    if limits:
+    if details.limits:
         parts.append("<h2>What this does not say</h2>")
-        parts += [f"<p>{_text(sentence)}</p>" for sentence in limits]
-    if log is not None:
-        check = "" if checksum is None else f", whose last line has the checksum {checksum}"
+        parts += [f"<p>{_text(sentence)}</p>" for sentence in details.limits]
+    if details.log is not None:
+        check = ""
+        if details.checksum is not None:
+            check = f", whose last line has the checksum {details.checksum}"
         parts.append(
-            f'<p class="soft log">The answers are kept in the file {_text(log)}{_text(check)}.</p>'
+            '<p class="soft log">The answers are kept in the file '
+            f"{_text(details.log)}{_text(check)}.</p>"
         )
-    if facts:
-        named = "".join(f"<dt>{_text(k)}</dt><dd>{_text(v)}</dd>" for k, v in facts.items())
+    if details.facts:
+        named = "".join(f"<dt>{_text(k)}</dt><dd>{_text(v)}</dd>" for k, v in details.facts.items())
         parts.append(f"<dl>{named}</dl>")
     body = "\n".join(parts)
     return (

@@ -13,7 +13,7 @@ from elicit.decision.verdicts import decide
 from elicit.model.comparator import wrong_of
 from elicit.model.outcomes import Status, assumed_of_answers
 from elicit.model.query import Verdict
-from elicit.person.course.conclusion import Conclusion, Table, in_unit
+from elicit.person.course.conclusion import Conclusion, ResultTable, in_unit
 from elicit.person.showing import Words
 from qlearn.learners.learner import Result
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -21,7 +21,7 @@ from qlearn.mdp.planning import optimal_policy
 
 
 @dataclass(frozen=True)
-class Told:
+class InWords:
     """The words in which a loss is said: labels, words, and the tolerance where questions end."""
 
     labels: tuple[str, ...]
@@ -34,7 +34,7 @@ class Told:
 
 
 def policy_conclusion(
-    told: Told,
+    told: InWords,
     mdp: OrdinalMDP,
     action_words: Callable[[int], str],
     legend: str,
@@ -90,7 +90,7 @@ def _differing(mdp: OrdinalMDP, result: Result) -> tuple[Any, Any, Any]:
 
 def _changes(
     mdp: OrdinalMDP, action_words: Callable[[int], str], legend: str, result: Result
-) -> Table:
+) -> ResultTable:
     """Return the states in which the answers change the action, for certain."""
     equal, states, holds = _differing(mdp, result)
     live, n = int(np.count_nonzero(~mdp.terminal)), int(holds.sum())
@@ -117,10 +117,14 @@ def _changes(
         (mdp.state_name(s), action_words(int(equal[s])), action_words(int(result.policy[s])))
         for s in states[holds].tolist()
     )
-    return Table(title, ("State", "With equal steps", "With your values"), rows, f"{note} {legend}")
+    return ResultTable(
+        title, ("State", "With equal steps", "With your values"), rows, f"{note} {legend}"
+    )
 
 
-def _whole_policy(mdp: OrdinalMDP, action_words: Callable[[int], str], result: Result) -> Table:
+def _whole_policy(
+    mdp: OrdinalMDP, action_words: Callable[[int], str], result: Result
+) -> ResultTable:
     """Return the action in every state that is not terminal, as a table to download."""
     equal, states, holds = _differing(mdp, result)
     change = dict(zip(states.tolist(), holds.tolist(), strict=True))
@@ -134,7 +138,7 @@ def _whole_policy(mdp: OrdinalMDP, action_words: Callable[[int], str], result: R
         )
         for s in np.flatnonzero(~mdp.terminal).tolist()
     )
-    return Table("", ("state", "action", "action_with_equal_steps", "change"), rows)
+    return ResultTable("", ("state", "action", "action_with_equal_steps", "change"), rows)
 
 
 def icu_dose(action: int) -> str:
@@ -149,7 +153,7 @@ def icu_dose(action: int) -> str:
     return f"{words[action // 5]} fluids, {words[action % 5]} vasopressor"
 
 
-def policy_stakes(told: Told, result: Result) -> str | None:
+def policy_stakes(told: InWords, result: Result) -> str | None:
     """Return a sentence on what the policy learned so far can lose."""
     if np.isnan(result.loss_bound):
         return None
@@ -169,7 +173,7 @@ def _sure(result: Result | Choice) -> str:
 
 
 def choice_conclusion(
-    told: Told, names: Sequence[str], result: Choice, before: float | None
+    told: InWords, names: Sequence[str], result: Choice, before: float | None
 ) -> Conclusion:
     """Return what a choice says in words."""
     most, sure = told.loss(result.loss_bound), _sure(result)
@@ -190,13 +194,13 @@ def choice_conclusion(
         sure=sure,
         next=after,
         before=unasked,
-        result=Table("", ("alternative", "choice"), rows),
+        result=ResultTable("", ("alternative", "choice"), rows),
         settled=settled,
         early=f"So far your choice is “{result.name}”. Your answers are not checked yet.",
     )
 
 
-def choice_stakes(told: Told, result: Choice) -> str | None:
+def choice_stakes(told: InWords, result: Choice) -> str | None:
     """Return a sentence on what the choice can lose."""
     if np.isnan(result.loss_bound):
         return None

@@ -20,11 +20,11 @@ from elicit.asking.bags import Bags
 from elicit.asking.choose_from_list import choose
 from elicit.model.scale import Floats
 from elicit.person.asker import MakeAsker
-from elicit.person.course.conclusion import Facts, per_hundred
+from elicit.person.course.conclusion import SessionFacts, per_hundred
 from elicit.person.interview import Subject
 from elicit.person.showing import Words
 from qlearn.cli.conclusions import (
-    Told,
+    InWords,
     choice_conclusion,
     choice_stakes,
     icu_dose,
@@ -84,7 +84,7 @@ def taught_by(
 
     finer = f"For finer ones start again with --days {2 * days}: what you answered stays."
     names = icu_dose if problem == "icu-sepsis" else mdp.action_name
-    told = Told(mdp.labels, words, tolerance)
+    told = InWords(mdp.labels, words, tolerance)
     subject = Subject(
         mdp.labels,
         words,
@@ -100,7 +100,7 @@ def taught_by(
 
 def _facts(
     problem: str | Own, header: dict[str, Any], comparator: str, seed: int, *more: tuple[str, str]
-) -> Facts:
+) -> SessionFacts:
     """Return the facts that a report names."""
     name = problem if isinstance(problem, str) else problem.name
     assumed = {
@@ -115,7 +115,7 @@ def _facts(
         *more,
         ("Seed", f"{seed}"),
     )
-    return Facts(of, (assumed[comparator],) if comparator in assumed else ())
+    return SessionFacts(of, (assumed[comparator],) if comparator in assumed else ())
 
 
 def _header(labels: tuple[str, ...], fingerprint: str, words: Words, **more: Any) -> dict[str, Any]:
@@ -191,7 +191,7 @@ def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int)
     finer = (
         f"Round the numbers in {path.name} to counts of the same total, and start with a new log."
     )
-    told = Told(labels, words, 0.0)
+    told = InWords(labels, words, 0.0)
     subject = Subject(
         labels,
         words,

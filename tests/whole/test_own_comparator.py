@@ -39,7 +39,7 @@ def nobody(query: Any) -> Any:
 
 
 def test_it_conforms() -> None:
-    assert len(OPTIONAL) == 5
+    assert len(OPTIONAL) == 6
     for name in OPTIONAL:
         assert not isinstance(Exact(VALUES), getattr(protocols, name))
     check_comparator(Exact(VALUES))
@@ -70,13 +70,13 @@ def test_it_chooses_and_is_scored() -> None:
 class Wrong(Exact):
     def __init__(self, name: str, returns: Any) -> None:
         super().__init__(VALUES)
-        self.wrong, self.returns = name, returns
+        self.bad, self.returns = name, returns
 
     def compare(self, d: Any) -> Any:
-        return self.returns(len(d)) if self.wrong == "compare" else super().compare(d)
+        return self.returns(len(d)) if self.bad == "compare" else super().compare(d)
 
     def bounds(self, d: Any) -> Any:
-        return self.returns(len(d)) if self.wrong == "bounds" else super().bounds(d)
+        return self.returns(len(d)) if self.bad == "bounds" else super().bounds(d)
 
 
 @pytest.mark.parametrize(

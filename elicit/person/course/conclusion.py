@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)
-class Table:
+class ResultTable:
     """A table that can be folded and filtered.
 
     Attributes
@@ -29,7 +29,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Conclusion:
-    """What a result says, in words.
+    """Conclusions in words.
 
     Attributes
     ----------
@@ -59,15 +59,15 @@ class Conclusion:
     next: str = ""
     before: str = ""
     statements: tuple[str, ...] = ()
-    changes: Table | None = None
-    result: Table | None = None
+    changes: ResultTable | None = None
+    result: ResultTable | None = None
     settled: bool = False
     early: str = ""
 
 
 @dataclass(frozen=True)
-class Facts:
-    """Facts about a session that its report names: pairs of a name and a value.
+class SessionFacts:
+    """SessionFacts about a session that its report names: pairs of a name and a value.
 
     Attributes
     ----------

@@ -23,7 +23,7 @@ _APART = 0.05  # difference, of the same scale, that a question about what is kn
 _GRID = 1e-6  # on which widths are compared, so that no rounding decides
 
 
-class _Pair(NamedTuple):
+class _LevelPair(NamedTuple):
     """A mixture of two levels: a share of the higher one, and the rest of the lower one."""
 
     low: int
@@ -64,7 +64,7 @@ def level_question(
     for level in order:
         if widths[level] * _GRID < _NARROW:
             continue
-        pair = _Pair(0, k - 1) if mixed_with == "ends" else _Pair(level - 1, level + 1)
+        pair = _LevelPair(0, k - 1) if mixed_with == "ends" else _LevelPair(level - 1, level + 1)
         for query in _about(comparator, level, pair, of):
             if not answered(query):
                 return query
@@ -93,12 +93,14 @@ def known_question(
     counts = np.arange(1, of)
     found: list[tuple[int, int, int]] = []
     for level in range(1, comparator.k - 1):
-        least, most = bounds_of(comparator, _differences(comparator.k, level, _Pair(0, -1), of))
+        least, most = bounds_of(
+            comparator, _differences(comparator.k, level, _LevelPair(0, -1), of)
+        )
         apart = np.rint(np.maximum(least, -most) / _GRID)  # above 0 where the answer is known
         known = np.flatnonzero(apart * _GRID >= _APART)
         found += [(int(apart[row]), level, int(counts[row])) for row in known]
     for _, level, count in sorted(found):
-        query = _query(comparator.k, level, _Pair(0, comparator.k - 1), count, of)
+        query = _query(comparator.k, level, _LevelPair(0, comparator.k - 1), count, of)
         if not answered(query):
             return query
     return None
@@ -128,7 +130,7 @@ def order_question(k: int, level: int) -> Query:
     return Query(f"{ORDER}{level}", rows[level], rows[level - 1])
 
 
-def _about(comparator: Comparator, level: int, pair: _Pair, of: int) -> Iterator[Query]:
+def _about(comparator: Comparator, level: int, pair: _LevelPair, of: int) -> Iterator[Query]:
     """Return the questions about a level whose answer is open, the most open first."""
     for total in dict.fromkeys((of, 10 * of)):
         least, most = bounds_of(comparator, _differences(comparator.k, level, pair, total))
@@ -140,7 +142,7 @@ def _about(comparator: Comparator, level: int, pair: _Pair, of: int) -> Iterator
             return
 
 
-def _differences(k: int, level: int, pair: _Pair, total: int) -> Floats:
+def _differences(k: int, level: int, pair: _LevelPair, total: int) -> Floats:
     """Return the differences (total - 1, k) of a level and mixtures of the pair.
 
     The mixtures have 1, 2, ... outcomes of the higher level.
@@ -153,7 +155,7 @@ def _differences(k: int, level: int, pair: _Pair, total: int) -> Floats:
     return d
 
 
-def _query(k: int, level: int, pair: _Pair, count: int, total: int) -> Query:
+def _query(k: int, level: int, pair: _LevelPair, count: int, total: int) -> Query:
     mixture = np.zeros(k)
     mixture[pair.high] = count / total
     mixture[pair.low] = (total - count) / total

@@ -472,7 +472,7 @@ def test_comparators_side_by_side():
     assert list(table) == list(models)
     for name, model in models.items():
         assert repr(table[name]) == repr(held_out(model, answers, 4, seed=3))
-    assert table["posterior"].accuracy.value > table["polytope"].accuracy.value + 0.05, (
+    assert table["posterior"].accuracy.value > table["polytope"].accuracy.value + 0.03, (
         "the reliable tutor errs"
     )
     assert table["posterior"].decided.value > table["order"].decided.value

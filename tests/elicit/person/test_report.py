@@ -9,7 +9,7 @@ import pytest
 
 from elicit import AnswerLog, Session, Words
 from elicit.person.interview import Interview, Subject
-from elicit.person.report import report_page
+from elicit.person.report import ReportDetails, report_page
 from tests.browser_cases import QUESTIONS, Listed
 
 LABELS = ("died & <i>gone</i>", 'not "well"', "well")
@@ -120,7 +120,7 @@ def test_a_report_marks_what_was_taken_back_repeated_or_does_not_go_together(
 
 def test_the_scale_of_a_report_is_drawn_to_its_numbers(end: dict[str, Any]) -> None:
     page = Parts(
-        report_page("Mine", "today", end, [], waiting=False, preamble="Of <patients> alike.")
+        report_page("Mine", "today", end, [], False, ReportDetails(preamble="Of <patients> alike."))
     )
     assert "Of <patients> alike." in page.text
     assert "well 100 fixed ill 40 31 to 55 died 0 fixed" in page.text

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from elicit import AnswerLog, Verdict, Words
-from elicit.person.course.conclusion import Conclusion, Table
+from elicit.person.course.conclusion import Conclusion, ResultTable
 from tests.browser_cases import LABELS, QUESTIONS, Listed, bags, browser, executable, served
 
 WIDE = {"width": 1100, "height": 760}
@@ -674,7 +674,9 @@ def test_a_name_and_a_budget_are_sent_with_the_start(windows: Windows) -> None:
 
 def test_a_long_table_of_changes_is_folded_and_filtered(windows: Windows) -> None:
     rows = tuple((f"state {i}", "old", f"new {i % 7}") for i in range(40))
-    table = Table("In 40 of 99 states your answers change the plan", ("State", "A", "B"), rows)
+    table = ResultTable(
+        "In 40 of 99 states your answers change the plan", ("State", "A", "B"), rows
+    )
     concluded = Conclusion(headline="Your plan is settled.", changes=table, settled=True)
     with served(windows.log, QUESTIONS[:1], conclude=lambda *_: concluded) as server:
         page = windows.open(server)
