@@ -4,9 +4,8 @@
     python -m benchmarks.asking.loss_by_questions --problems 2 --most 5               seconds; rough
 
 Three families in which a wrong guess is costly, and ICU-Sepsis. Each learner asks a truthful tutor
-with the polytope. After each answer its policy is evaluated under the hidden scale. Beside the page
-it writes the rows (``benchmarks/data/loss_by_questions.csv``) and the picture
-(``docs/pictures/loss.svg``).
+with the polytope. After each answer its policy is evaluated under the hidden scale. Beside the
+page, under the same name, it writes the rows (.csv) and the picture (.svg).
 """
 
 from __future__ import annotations
@@ -113,7 +112,7 @@ def report(frame: pd.DataFrame) -> Iterator[list[str]]:
         "",
         machine(),
         "",
-        "![Loss against questions](../docs/pictures/loss.svg)",
+        "![Loss against questions](RESULTS-loss.svg)",
         "",
         "The true loss of the policy at the worst state, in percent of the value range, after so "
         f"many answers of a truthful tutor: mean over {seeds} hidden scales (and, but for "
@@ -191,11 +190,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rows = [row for name in NAMES for row in curves(name, range(given.problems), given.most)]
     frame = pd.DataFrame(rows)
     if given.out is not None:
-        root = Path(__file__).resolve().parents[2]
-        data = root / "benchmarks/data/loss_by_questions.csv"
-        data.parent.mkdir(exist_ok=True)
-        frame.to_csv(data, index=False, float_format="%.6g")
-        draw(frame, root / "docs/pictures/loss.svg")
+        given.out.parent.mkdir(parents=True, exist_ok=True)
+        frame.to_csv(given.out.with_suffix(".csv"), index=False, float_format="%.6g")
+        draw(frame, given.out.with_suffix(".svg"))
     publish(report(frame), given.out, f"0-{given.problems - 1}")
 
 

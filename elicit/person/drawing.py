@@ -94,7 +94,7 @@ class Start:
 
 
 class Drawing:
-    """What the screens of an interview show of its session.
+    """Parts of the screens of an interview that only read its session.
 
     Parameters
     ----------

@@ -186,8 +186,8 @@ class PolytopeComparator:
         Raises
         ------
         InconsistentAnswers
-            If no scale is left. It names a minimal contradictory set of rows of ``self.answers +
-            answers``: without any one of them the others could be right, all but ``wrong``.
+            If no scale is left. It names a minimal contradictory set of rows of the old and new
+            answers: without any one of them the others could be right, all but ``wrong``.
             Opposite answers to one pair always contradict each other: they do not mean that it is
             equal.
         """

@@ -1,4 +1,4 @@
-"""How a person has answered so far, from the log alone: runs of one answer, and the checks.
+"""Conduct of a person so far, from the log alone: runs of one answer, and the checks.
 
 A check is a question whose answer can be compared with something: an earlier question put again, or
 two neighbouring levels, whose order is known. Whoever answers by chance differs in about half of
@@ -56,7 +56,7 @@ def differs(entry: Entry) -> bool:
 
 @dataclass(frozen=True)
 class Conduct:
-    """How the answers of a log were given.
+    """Conduct in a log: how its answers were given.
 
     Attributes
     ----------

@@ -684,4 +684,4 @@ def test_a_family_is_taught_in_its_own_words_and_a_seed_draws_it(
     )
     assert "A steady post or a venture" in shown
     assert "Two groups of 10 years" in shown
-    assert "falls short of your best plan by at most" in report(shown)
+    assert "It loses at most as much as" in report(shown)
