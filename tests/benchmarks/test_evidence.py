@@ -22,7 +22,9 @@ from benchmarks.asking import (
     about_equal,
     certificates,
     certify_at_scale,
+    cuts_and_pairs,
     headroom,
+    loss_by_questions,
     person_sessions,
     question_counts,
     question_rules,
@@ -141,6 +143,25 @@ def unasked(text: str) -> Iterator[str | Cells]:
     count = int(re.search(r"of (\d+) draws", text)[1])
     for name in ("career", "plant"):
         yield [*headroom.described(name, headroom.losses(name, range(count), ["even"])["even"])]
+
+
+def asked_so_far(text: str) -> Iterator[str | Cells]:
+    count = int(re.search(r"mean over (\d+) hidden scales", text)[1])
+    frame = pd.DataFrame(loss_by_questions.curves("career", range(count), 30))
+    part = frame[frame["method"] == "policy-iteration"]
+    shown = loss_by_questions.SHOWN
+    yield ["policy iteration", *(loss_by_questions._cell(part, n, "loss") for n in shown)]
+
+
+def cut(text: str) -> Iterator[str | Cells]:
+    count, first = int(re.search(r"over (\d+) problems", text)[1]), cuts_and_pairs.FIRST
+    cell = {"problem": "plant", "tolerance": 0.01}
+    runs = [
+        cuts_and_pairs.run(cell | {"kind": kind, "seed": seed})
+        for kind in cuts_and_pairs.KINDS
+        for seed in range(first, first + count)
+    ]
+    yield [*cuts_and_pairs.row("plant", 0.01, runs)]
 
 
 def wrong(text: str) -> Iterator[str | Cells]:
@@ -366,6 +387,8 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("RESULTS-question-rules", ruled, SLOW),
     ("about-equal", equal, SLOW),
     ("RESULTS-headroom", unasked),
+    ("RESULTS-loss", asked_so_far, SLOW),
+    ("RESULTS-cuts", cut),
     ("RESULTS-wrong", wrong, SLOW),
     ("RESULTS-sessions", sessions, SLOW),
     ("RESULTS-scale", scale, SLOW),
