@@ -37,15 +37,16 @@ def opposite_answers(answers: Answers, first: int) -> tuple[int, int] | None:
     ``first`` on.
 
     None if there are none. Both could be right only if the pair were equal, which neither says.
+    Multiples of a pair by other factors than powers of two are other pairs: a learner may ask about
+    one where rounding leaves it open.
     """
     if not (answers.y[first:] != 0).any():
         return None
     sums = tail_sums(answers.d) * answers.y[:, None]
     size = np.abs(sums).max(axis=1, initial=0.0)
     told = np.flatnonzero((size > 0) & np.isfinite(size))
-    unit = (
-        sums[told] / size[told, None]
-    )  # a pair and its multiple, such as the same bags with twice the days, are one
+    # such as the same bags with twice the days, which are the same pair
+    unit = np.ldexp(sums[told], -np.frexp(size[told])[1][:, None])
     marks = unit @ np.sqrt(
         np.arange(2.0, answers.k + 1.0)
     )  # of opposite answers they are opposite, but for rounding

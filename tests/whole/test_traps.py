@@ -238,21 +238,15 @@ def test_trap_6_an_ensemble_decides_much_more_than_a_box_at_no_more_error() -> N
 
 
 @both
-def test_trap_7_without_audits_a_wrong_answer_seldom_shows(make: Make) -> None:
-    excluded, shown = 0, 0
+def test_trap_7_without_audits_a_wrong_answer_never_shows(make: Make) -> None:
+    excluded = 0
     for seed in range(8):
         mdp, values = random_mdp(8, 3, 5, discount=0.9, rng=seed)
         tutor = FlippingTutor(values, 0.15, seed=seed)
-        try:
-            result = drive(make(mdp, PolytopeComparator(5)), tutor)
-        except InconsistentAnswers as error:  # it asked about a multiple of a pair, by rounding
-            shown += "say the opposite of each other about one pair" in str(error)
-            continue
+        result = drive(make(mdp, PolytopeComparator(5)), tutor)  # raises nothing
         excluded += wrong_answers(result, values) > 0
         assert result.audited == 0
     assert excluded >= 3  # though the truth was excluded, and every later verdict rests on that
-    assert shown <= 1
-    assert excluded + shown >= 3
 
 
 @both

@@ -539,7 +539,7 @@ def test_five_hundred_answers(k: int, flat: int) -> None:
         assert got == verdict(*oracle.range(exact(tails(row))))
 
 
-@pytest.mark.parametrize("scale", [1.0, -1.0, 1.0 + 1e-13, 20.0, -3.0])
+@pytest.mark.parametrize("scale", [1.0, -1.0, 1.0 + 1e-13, 16.0, -2.0])
 def test_opposite_answers_to_one_pair_are_a_contradiction_and_no_tie(scale: float) -> None:
     d, other = from_tails([1.0, -2.0, 0.5]), from_tails([-1.0, 1.0, 1.0])
     answers = Answers(
