@@ -16,24 +16,20 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from elicit._support.fixed_order import product
 from elicit._support.threads import one_thread
-from elicit.asking.cuts import cuts_towards
+from elicit.asking.cuts import cuts_towards, halvings, halvings_left
 from elicit.lp.hit_and_run import Draws
-from elicit.model.comparator import WRONG_ODDS, Cell, Comparator, rough_bounds, simultaneous_bounds
+from elicit.model.comparator import WRONG_ODDS, Cell, Comparator, simultaneous_bounds
 from elicit.model.difference import tail_sums
-from elicit.model.query import Answers, InconsistentAnswers, Verdict
+from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats
 
 # of the differences themselves, those of the greatest bounds, that are weighed against other
 # questions
 _OWN = 4
 _MORE = 6.0  # times that a cell counts more for each further answer that may be wrong in it
-# of the bound before, or of the limit: by how much bounds may be too high where questions are
-# weighed
-_SLACK = 0.1
 
 
 class Confirming(NamedTuple):
@@ -106,13 +102,16 @@ class _WeighedCell(NamedTuple):
         rows = np.flatnonzero(self.high > limit)
         if not len(rows):
             return 0.0, 0.0
+        high = self.high[rows]
         verdict = Verdict(int(self.cell.scales.compare(asked)[0]))
         if verdict is not Verdict.UNKNOWN:
-            all_left = _halvings(self.high[rows], limit)
+            all_left = halvings(high, limit)
             return (all_left, 0.0) if verdict is Verdict.BETTER else (0.0, all_left)
-        return self._told(asked, Verdict.BETTER, rows, limit), self._told(
-            asked, Verdict.WORSE, rows, limit
+        better, worse = (
+            halvings_left(self.cell.scales, asked, answer, self.d[rows], high, limit)
+            for answer in (Verdict.BETTER, Verdict.WORSE)
         )
+        return better, worse
 
     def chance(self, asked: Floats) -> float:
         """Return the probability of the answer "better", if the true scale is in this cell."""
@@ -121,22 +120,6 @@ class _WeighedCell(NamedTuple):
         return (
             better if not self.left else (better + WRONG_ODDS * (1.0 - better)) / (1.0 + WRONG_ODDS)
         )
-
-    def _told(self, asked: Floats, verdict: Verdict, rows: NDArray[np.intp], limit: float) -> float:
-        try:
-            known = self.cell.scales.update(Answers(asked[None], [int(verdict)]))
-        except InconsistentAnswers:
-            return 0.0
-        high = self.high[rows]
-        return _halvings(
-            np.minimum(high, rough_bounds(known, self.d[rows], _SLACK * np.maximum(limit, high))),
-            limit,
-        )
-
-
-def _halvings(bounds: Floats, limit: float) -> float:
-    """Return by how many halvings the bounds (n,) exceed the limit, in total."""
-    return float(np.log2(np.maximum(bounds / limit, 1.0)).sum())
 
 
 def _expected(asked: Floats, parts: Sequence[_WeighedCell], limit: float) -> float:

@@ -53,27 +53,46 @@ def closing_cut(
     answers, as a polytope's do. Deterministic.
     """
 
-    def halvings(bounds: Floats) -> float:
-        return float(np.log2(np.maximum(bounds / limit, 1.0)).sum())
-
-    def left(asked: Floats, verdict: Verdict) -> float:
-        try:
-            known = comparator.update(Answers(asked[None], [int(verdict)]))
-        except InconsistentAnswers:
-            return 0.0
-        return halvings(np.minimum(high, rough_bounds(known, d, slack)))
-
     def promise(asked: Floats) -> float:
         below = float(product(product(tail_sums(asked), draws.gaps) < 0, draws.weights))
         sides = ((below, Verdict.WORSE), (1.0 - below, Verdict.BETTER))
-        rest = sum(share * left(asked, verdict) for share, verdict in sides if share > 0)
+        rest = sum(
+            share * halvings_left(comparator, asked, verdict, d, high, limit)
+            for share, verdict in sides
+            if share > 0
+        )
         return round(now - rest, 9)
 
-    now, slack = halvings(high), _SLACK * np.maximum(limit, high)
+    now = halvings(high, limit)
     least = _TIMES * promise(instead)
     found = [(promise(cut), cut) for cut in cuts_towards(draws, d, high, limit)]
     best, cut = max(found, key=lambda one: one[0], default=(0.0, None))  # of equals the first
     return cut if best > least else None
+
+
+def halvings(bounds: Floats, limit: float) -> float:
+    """Return by how many halvings the bounds (n,) exceed the limit, in total."""
+    return float(np.log2(np.maximum(bounds / limit, 1.0)).sum())
+
+
+def halvings_left(
+    comparator: Comparator,
+    asked: Floats,
+    verdict: Verdict,
+    d: Floats,
+    high: Floats,
+    limit: float,
+) -> float:
+    """Return the halvings of bounds on d (n, k) that are left after an answer about ``asked`` (k,).
+
+    ``high`` (n,) are the bounds before it. 0 if the answer contradicts what is known.
+    """
+    try:
+        known = comparator.update(Answers(asked[None], [int(verdict)]))
+    except InconsistentAnswers:
+        return 0.0
+    slack = _SLACK * np.maximum(limit, high)
+    return halvings(np.minimum(high, rough_bounds(known, d, slack)), limit)
 
 
 def cuts_towards(draws: Draws, d: Floats, high: Floats, limit: float) -> list[Floats]:
