@@ -549,8 +549,7 @@ class Elicitation:
                 new.append(i)
         if new:
             try:
-                untold = Answers(told.d[new], told.y[new], [told.ids[i] for i in new])
-                self._learn_in_order(untold)
+                self._learn_in_order(told.take(new))
             except InconsistentAnswers as error:
                 error.add_note(
                     "They are among what was known: leave one out of known=, of a log by "
