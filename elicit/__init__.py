@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from elicit.comparators.baselines import AlwaysAsk, Dominance
     from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
     from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
+    from elicit.comparators.panel import Panel
     from elicit.comparators.polytope.comparator import PolytopeComparator
     from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
     from elicit.decision.verdicts import decide
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from elicit.person.session import Session
     from elicit.person.showing import Words
     from elicit.tutors.answer_log import AnswerLog
+    from elicit.tutors.panel import PanelTutor
     from elicit.tutors.person import PersonTutor
     from elicit.tutors.replay import ReplayTutor
     from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
@@ -39,6 +41,7 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.comparators.baselines": ["AlwaysAsk", "Dominance"],
     "elicit.comparators.bradley_terry.bootstrap_comparator": ["BradleyTerryComparator"],
     "elicit.comparators.bradley_terry.particle_comparator": ["PosteriorComparator"],
+    "elicit.comparators.panel": ["Panel"],
     "elicit.comparators.polytope.comparator": ["PolytopeComparator"],
     "elicit.comparators.polytope.relaxed_comparator": ["RelaxedPolytopeComparator"],
     "elicit.decision.verdicts": ["decide"],
@@ -63,6 +66,7 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.model.difference": ["as_differences"],
     "elicit.model.scale_variable": ["scale_variable"],
     "elicit.model.tutor": ["Tutor"],
+    "elicit.tutors.panel": ["PanelTutor"],
     "elicit.tutors.person": ["PersonTutor"],
     "elicit.tutors.replay": ["ReplayTutor"],
     "elicit.tutors.simulated": ["BradleyTerryTutor", "FlippingTutor", "TruthfulTutor"],
@@ -97,6 +101,8 @@ __all__ = [
     "Inequality",
     "Interview",
     "Needs",
+    "Panel",
+    "PanelTutor",
     "PersonTutor",
     "PolytopeComparator",
     "PosteriorComparator",

@@ -31,7 +31,7 @@ _DAYS = Number(int, lambda n: n >= 2, "a whole number of at least 2")
 
 
 class PageOptions(TypedDict):
-    """Who answers, and the address at which a browser finds the questions, if ``web`` is given."""
+    """The person who answers, and where a browser finds the questions, if ``web`` is given."""
 
     who: str | None
     web: bool
