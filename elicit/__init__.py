@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from elicit.comparators.polytope.comparator import PolytopeComparator
     from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
     from elicit.decision.verdicts import decide
+    from elicit.diagnostics.agreement import Agreement, agreement
     from elicit.diagnostics.held_out import compare_held_out, held_out
     from elicit.diagnostics.tutor_report import tutor_report
     from elicit.lp.prior_inequalities import Inequality, inequalities, inequality
@@ -45,6 +46,7 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.comparators.polytope.comparator": ["PolytopeComparator"],
     "elicit.comparators.polytope.relaxed_comparator": ["RelaxedPolytopeComparator"],
     "elicit.decision.verdicts": ["decide"],
+    "elicit.diagnostics.agreement": ["Agreement", "agreement"],
     "elicit.diagnostics.held_out": ["compare_held_out", "held_out"],
     "elicit.diagnostics.tutor_report": ["tutor_report"],
     "elicit.lp.prior_inequalities": ["Inequality", "inequalities", "inequality"],
@@ -86,6 +88,7 @@ _MODULES = {  # to be written as elicit.graph.cycles, say, after import elicit a
 }
 
 __all__ = [
+    "Agreement",
     "AlwaysAsk",
     "Answer",
     "AnswerLog",
@@ -118,6 +121,7 @@ __all__ = [
     "Tutor",
     "Verdict",
     "Words",
+    "agreement",
     "as_differences",
     "choose",
     "compare_held_out",
