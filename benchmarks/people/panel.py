@@ -176,6 +176,8 @@ def summary(rows: Mapping[tuple[str, str, str], Sequence[Run]]) -> str:
             for key, found in rows.items()
             if key[2] == errs
         ]
+        if not times:
+            continue
         few = sum(one <= 2.5 for one in times)
         said.append(
             f"Experts whose errors are: {errs}. The bound for the mean was held in {held} of "

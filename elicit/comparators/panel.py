@@ -54,6 +54,7 @@ _KEY = name_code("draws of a panel")
 _ROUNDING = 1e-9  # of |d|_1: sums of bounds nearer to 0 than that have no sign
 _RESOLUTION = 1e-7  # of the value range: a member whose d.e is known as well can tell nothing more
 _EVEN = 0.25  # share of a member's interval on either side of 0 from which d itself is asked about
+_FORMS = 12  # questions about d in any form to a member who may err; fewer left problems unfinished
 _STEPS = 64  # c is a multiple of about this part of the interval, the same on every processor
 _GRID = 2.0**40  # of which weights are whole numbers, coarser than their rounding errors
 
@@ -242,7 +243,7 @@ class Panel:
         It is the member whose weighted interval of d.e is the widest, and d itself, unless the sign
         of d.e is nearly known for them. Then it is d less c times the step from the worst level to
         the best, whose sign tells whether d.e exceeds c. Nobody is asked the same twice, and whose
-        comparator allows for errors only once about d in any form.
+        comparator allows for errors at most 12 times about d in any form.
 
         Parameters
         ----------
@@ -275,7 +276,9 @@ class Panel:
         """Return the form of d (k,) to ask a member about, or None if they were asked already."""
         own = self.answers.of_person(name)
         tails = tail_sums(own.d)
-        if offers(self.members[name], "level") and self.k > 3 and _about(d, tails).any():
+        # with three levels all questions are about one number
+        most = _FORMS if self.k > 3 else 8 * _FORMS
+        if offers(self.members[name], "level") and _about(d, tails).sum() >= most:
             return None
         even = min(-low, high) >= _EVEN * (high - low)
         for form in (d, _less(d, low, high)) if even else (_less(d, low, high),):

@@ -1,4 +1,4 @@
-"""Where several people differ: their scales side by side, the questions that divide them, groups.
+"""Agreement of several people: their scales side by side, the questions that divide them, groups.
 
 People who differ should talk before one policy is made for all of them. The questions that divide
 them most are what to talk about.
@@ -62,7 +62,7 @@ class DividingQuestion:
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """How far several people agree. ``print`` says it in words.
+    """Agreement of several people. ``print`` says it in words.
 
     Attributes
     ----------

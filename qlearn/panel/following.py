@@ -1,4 +1,4 @@
-"""What it would cost each member of a panel to follow another's policy."""
+"""Cost to each member of a panel of following another's policy."""
 
 from __future__ import annotations
 
