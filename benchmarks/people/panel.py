@@ -39,7 +39,9 @@ PEOPLE = ("ann", "ben", "chen", "dora", "eve")
 TOLERANCE = 0.01
 MOST = 300  # questions of a run
 RANDOM = "random MDP, k = 5"
-PROBLEMS = (RANDOM, "rover", "surgery", "care")
+SMALL = "small random MDP, k = 4"
+PROBLEMS = (SMALL, RANDOM, "rover", "surgery", "care")
+MORE = 10  # times as many runs of the small problems, to see how often bounds are held
 SCALES = {
     "independent": "each expert's scale is drawn for itself",
     "alike": "all experts have one scale, but for a tenth",
@@ -61,7 +63,14 @@ class Run(NamedTuple):
 
 def problem(name: str, seed: int) -> OrdinalMDP:
     """Return the problem of this name and seed."""
+    if name == SMALL:
+        return random_mdp(12, 3, 4, discount=0.9, seed=seed)[0]
     return random_mdp(50, 4, 5, seed=seed)[0] if name == RANDOM else FAMILIES[name](seed)
+
+
+def seeds_of(name: str, problems: int) -> int:
+    """Return the number of runs of a problem's rows."""
+    return MORE * problems if name == SMALL else problems
 
 
 def scales(kind: str, k: int, seed: int) -> dict[str, Floats]:
@@ -191,7 +200,7 @@ def report(problems: int, journal: Path | None = None) -> Iterator[list[str]]:
     """The parts of the page."""
     yield ["# Panels: five experts, their mean, and the number of questions", "", machine()]
     rows = {
-        (name, kind, errs): runs(name, kind, errs, range(problems), journal)
+        (name, kind, errs): runs(name, kind, errs, range(seeds_of(name, problems)), journal)
         for errs in ERRORS
         for name in PROBLEMS
         for kind in SCALES
@@ -208,8 +217,9 @@ def report(problems: int, journal: Path | None = None) -> Iterator[list[str]]:
         "the policy loses each were held for all five; those of posteriors hold with 95% each.",
         "",
         *(f"Scales {name}: {text}." for name, text in SCALES.items()),
-        f'Scales are drawn as `hidden_scales("even")`. Seeds 0 to {problems - 1}; at most {MOST} '
-        "questions. Means with 95% t-intervals.",
+        f'Scales are drawn as `hidden_scales("even")`. Seeds 0 to {problems - 1}, of the small '
+        f"problems 0 to {MORE * problems - 1}; at most {MOST} questions. Means with 95% "
+        "t-intervals.",
     ]
     yield [summary(rows)]
     yield markdown(HEAD, [described(*key, found) for key, found in rows.items()], 3)

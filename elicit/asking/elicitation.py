@@ -318,10 +318,13 @@ class Elicitation:
         if on_conflict not in ("raise", "drop"):
             raise ValueError(f"on_conflict must be 'raise' or 'drop', not {on_conflict!r}")
         waiting = {p.query.id: p for p in self.pending}
-        answers = tuple(
-            answer if answer.who else replace(answer, who=waiting[answer.query.id].query.who)
-            for answer in match(answers, self.ask())
-        )
+        answers = match(answers, self.ask())
+        if self._several:  # an answer to a copy of the query, from a log say, may not name anybody
+            asked_of = {name: p.query.who for name, p in waiting.items()}
+            answers = tuple(
+                answer if answer.who else replace(answer, who=asked_of[answer.query.id])
+                for answer in answers
+            )
         told = [answer for answer in answers if answer.verdict is not None]
         rows = Answers.of(told, self.comparator.k)
         comparator, taken = learn(self.comparator, rows, on_conflict == "drop")
