@@ -250,7 +250,8 @@ class Session(Closing):
         query = self._to_answer(id)
         if query is None:
             raise StaleAnswer(f"no pending query has the id {id!r}: show what question() returns")
-        self._log.append_asked(query, swapped, **self._now(), **how)
+        asked = {} if query.who is None else {WHO: query.who}
+        self._log.append_asked(query, swapped, **{**self._now(), **asked}, **how)
         self._put_at[id] = time.monotonic()
 
     def answer(

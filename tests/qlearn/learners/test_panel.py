@@ -196,7 +196,11 @@ def test_a_session_of_several_goes_on_from_its_log_and_takes_answers_back(tmp_pa
     with Session(make, path) as session:
         for _ in range(4):
             query = session.question()
+            session.shown(query.id)
             session.answer(query.id, TUTORS[query.who](query).verdict)
+        assert [one.metadata["who"] for one in session.log.asked] == [
+            entry.answer.who for entry in session.log
+        ]
         said = [(e.answer.who, e.answer.query.id) for e in session.log]
         waits = session.question()
     assert len({who for who, _ in said}) > 1
