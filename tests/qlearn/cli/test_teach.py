@@ -685,3 +685,36 @@ def test_a_family_is_taught_in_its_own_words_and_a_seed_draws_it(
     assert "A steady post or a venture" in shown
     assert "Two groups of 10 years" in shown
     assert "It loses at most as much as" in report(shown)
+
+
+def test_two_people_in_one_folder_have_a_log_each(
+    table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    typed = "a\na\nq\n"
+    for name in ("Ann", "Dr. Ben & co"):
+        _, shown, _ = taught(typed, monkeypatch, capsys, table, "--who", name)
+        assert "Going on" not in shown
+        assert "--who" in shown
+    for name, path in (("Ann", "Ann"), ("Dr. Ben & co", "Dr-Ben-co")):
+        log = AnswerLog.read(f"answers-care-{path}.jsonl")
+        assert (log.who, {entry.answer.who for entry in log}) == (name, {name})
+    before = Path("answers-care-Ann.jsonl").read_bytes()
+    options = ("--who", "Ben", "--log", "answers-care-Ann.jsonl")
+    code, _, errors = taught(typed, monkeypatch, capsys, table, *options)
+    assert code == 1
+    assert "holds the answers of 'Ann', not of 'Ben'" in errors
+    assert Path("answers-care-Ann.jsonl").read_bytes() == before
+
+
+def test_a_terminal_asks_for_a_name_once_and_enter_passes_on(
+    table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("io.StringIO.isatty", lambda _: True)
+    _, shown, _ = taught("Ann\na\na\nq\n", monkeypatch, capsys, table)
+    assert shown.startswith("Your name or a pseudonym")
+    assert AnswerLog.read("answers-care-Ann.jsonl").who == "Ann"
+    _, shown, _ = taught(f"{'x' * 81}\n\na\na\nq\n", monkeypatch, capsys, table)
+    assert "a name has 1 to 80 characters" in shown
+    assert AnswerLog.read("answers-care.jsonl").who is None
+    _, shown, _ = taught("a\na\nq\n", monkeypatch, capsys, table, "--log", "answers-care.jsonl")
+    assert "Your name" not in shown
