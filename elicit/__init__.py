@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
     from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
     from elicit.comparators.polytope.comparator import PolytopeComparator
+    from elicit.comparators.polytope.open_order import OpenOrderComparator
     from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
     from elicit.decision.verdicts import decide
     from elicit.diagnostics.held_out import compare_held_out, held_out
@@ -40,6 +41,7 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.comparators.bradley_terry.bootstrap_comparator": ["BradleyTerryComparator"],
     "elicit.comparators.bradley_terry.particle_comparator": ["PosteriorComparator"],
     "elicit.comparators.polytope.comparator": ["PolytopeComparator"],
+    "elicit.comparators.polytope.open_order": ["OpenOrderComparator"],
     "elicit.comparators.polytope.relaxed_comparator": ["RelaxedPolytopeComparator"],
     "elicit.decision.verdicts": ["decide"],
     "elicit.diagnostics.held_out": ["compare_held_out", "held_out"],
@@ -97,6 +99,7 @@ __all__ = [
     "Inequality",
     "Interview",
     "Needs",
+    "OpenOrderComparator",
     "PersonTutor",
     "PolytopeComparator",
     "PosteriorComparator",

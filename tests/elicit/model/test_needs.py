@@ -8,6 +8,7 @@ from elicit import (
     BradleyTerryComparator,
     Dominance,
     Needs,
+    OpenOrderComparator,
     PolytopeComparator,
     PosteriorComparator,
     RelaxedPolytopeComparator,
@@ -20,6 +21,7 @@ OURS = (
     RelaxedPolytopeComparator(4),
     PosteriorComparator(4, seed=0),
     BradleyTerryComparator(4, seed=0),
+    OpenOrderComparator(4),
     Dominance(4),
     AlwaysAsk(4),
 )
