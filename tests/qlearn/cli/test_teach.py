@@ -380,6 +380,25 @@ def test_at_the_end_the_keys_of_the_end_are_said(
     assert "w: why" not in after
 
 
+def test_a_plan_is_said_before_the_first_question_and_ends_the_session(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ("--problem", "random", "--questions", "2", "--audit", "0", "--tolerance", ".001")
+    log = f"{tmp_path / 'a.jsonl'}"
+    code, shown, _ = taught("a\n" * 3 + "1\n\n", monkeypatch, capsys, *options, "--log", log)
+    assert code == 0
+    said = " ".join(shown.split())
+    plan = "Your plan: 2 questions proved a loss of at most"
+    assert said.index(plan) < said.index("Question 1")
+    assert "You planned 2 questions, and answered 2." in said
+    assert "This is the result so far. More could be asked." in said
+    assert "It could still lose as much as" in said
+    code, shown, _ = taught("a\n" * 2 + "q\n", monkeypatch, capsys, *options, "--log", log)
+    assert "You planned 4 questions, and answered 4." in " ".join(shown.split())
+    with pytest.raises(SystemExit):
+        main(["teach", "--questions", "0"])
+
+
 MORE = r"Question \d+ \((about \d+( to \d+)? more|perhaps the last one)\)"
 
 
