@@ -158,6 +158,7 @@ PAGES = (  # a notebook after the tables that it reads
     notebook("06_fewer_questions", 2),
     notebook("07_you_are_the_tutor", 1),
     notebook("08_beyond_tables", 2),
+    notebook("09_medical_scales", 1),
 )
 
 

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
     from elicit.comparators.panel import Panel
     from elicit.comparators.polytope.comparator import PolytopeComparator
+    from elicit.comparators.polytope.open_order import OpenOrderComparator
     from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
     from elicit.decision.verdicts import decide
     from elicit.diagnostics.agreement import Agreement, agreement
@@ -44,6 +45,7 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.comparators.bradley_terry.particle_comparator": ["PosteriorComparator"],
     "elicit.comparators.panel": ["Panel"],
     "elicit.comparators.polytope.comparator": ["PolytopeComparator"],
+    "elicit.comparators.polytope.open_order": ["OpenOrderComparator"],
     "elicit.comparators.polytope.relaxed_comparator": ["RelaxedPolytopeComparator"],
     "elicit.decision.verdicts": ["decide"],
     "elicit.diagnostics.agreement": ["Agreement", "agreement"],
@@ -104,6 +106,7 @@ __all__ = [
     "Inequality",
     "Interview",
     "Needs",
+    "OpenOrderComparator",
     "Panel",
     "PanelTutor",
     "PersonTutor",

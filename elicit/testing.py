@@ -49,6 +49,7 @@ from elicit.model.comparator import (
     is_comparator,
     offers,
     simultaneous_bounds,
+    unordered_of,
 )
 from elicit.model.difference import dominance, tail_sums
 from elicit.model.query import Answer, Answers, Query, Verdict
@@ -230,10 +231,13 @@ def _check_values(comparator: Comparator) -> None:
     values, k = np.asarray(comparator.values), comparator.k
     _say(values.shape == (k,), f"values must have shape ({k},), not {values.shape}")
     _say(
-        abs(values[0]) <= 1e-9 and abs(values[-1] - 1) <= 1e-9,
+        abs(values.min()) <= 1e-9 and abs(values.max() - 1) <= 1e-9,
         f"values must run from 0 to 1, not {values}",
     )
-    _say((np.diff(values) >= 0).all(), f"values must not decrease: {values}")
+    rising = np.diff(values) >= 0
+    if (open_step := unordered_of(comparator)) is not None:
+        rising[open_step[0]] = True
+    _say(rising.all(), f"values must not decrease: {values}")
     _say((comparator.values == values).all(), "values must be the same each time")
 
 
@@ -294,7 +298,7 @@ def _check_verdicts(comparator: Comparator, d: Floats) -> None:
     alone = (
         isinstance(rule, Rule) and rule.kind != NOTHING and not rule.dominance
     )  # with NOTHING ``settle`` decides
-    if alone:
+    if alone or unordered_of(comparator) is not None:
         plain = np.where(plain == Verdict.EQUAL, plain, np.int8(Verdict.UNKNOWN))
     settled = plain != Verdict.UNKNOWN
     _same(
@@ -405,6 +409,13 @@ def _check_settings(comparator: Comparator) -> None:
         _say(
             is_whole(known.wrong, 0),
             f"wrong must be a whole number of at least 0, not {known.wrong!r}",
+        )
+    if offers(known, "unordered"):
+        pair, k = known.unordered, comparator.k
+        right = isinstance(pair, tuple) and len(pair) == 2 and all(is_whole(x, 0) for x in pair)
+        _say(
+            right and pair[1] == pair[0] + 1 < k,
+            f"unordered must be two neighbouring levels below {k}, such as (0, 1), not {pair!r}",
         )
     if offers(known, "cells"):
         cells = known.cells

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from qlearn.environments.rollout_shares import RolloutShares
     from qlearn.environments.rollouts import rollout_shares
     from qlearn.experiments.loss_history import LossHistory
+    from qlearn.learners.expected_bounds import ExpectedBounds, expected_bounds
     from qlearn.learners.learner import Learner, Result, drive
     from qlearn.learners.policy_iteration import InteractivePolicyIteration
     from qlearn.learners.q_learning import InteractiveQLearning
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 _NAMES = {  # imported when first used, so that the command line starts fast
     "elicit.asking.elicitation": ("Audit",),
     "elicit.model.outcomes": ("Status",),
+    "qlearn.learners.expected_bounds": ("ExpectedBounds", "expected_bounds"),
     "qlearn.environments.level_rewards": ("LevelVector", "OrdinalReward"),
     "qlearn.environments.rollout_shares": ("RolloutShares",),
     "qlearn.environments.rollouts": ("rollout_shares",),
@@ -68,6 +70,7 @@ _MODULES = {  # to be written as qlearn.strategies.max_regret, say
 
 __all__ = [
     "Audit",
+    "ExpectedBounds",
     "Following",
     "Guarantee",
     "InteractivePolicyIteration",
@@ -93,6 +96,7 @@ __all__ = [
     "drive",
     "equal_gaps_policy",
     "evaluate_policy",
+    "expected_bounds",
     "hidden_scales",
     "icu_sepsis",
     "loss_bound",

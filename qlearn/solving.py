@@ -54,7 +54,8 @@ def solve(
         run with their default settings.
     max_queries
         Largest number of questions. Comparisons still open after it follow the best guess at the
-        scale, and the result's status says so. ``None``: no limit.
+        scale, and the result's status says so. ``None``: no limit. ``expected_bounds`` says what
+        so many questions are likely to prove.
     log
         Receives every answer before the learner does. Answers that it already holds are used, and
         not asked again.

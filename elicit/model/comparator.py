@@ -193,9 +193,11 @@ class Part(NamedTuple):
 
 
 _PANEL = ("Panel",)
+_OPEN = "OpenOrderComparator"
 _POLYTOPES = ("PolytopeComparator", "RelaxedPolytopeComparator")
 _MODELS = ("PosteriorComparator", "BradleyTerryComparator")
-_LEARNING = (*_POLYTOPES, *_MODELS)
+_DRAWING = (*_POLYTOPES, *_MODELS)
+_LEARNING = (*_DRAWING, _OPEN)
 _ALL = (*_LEARNING, "Dominance", "AlwaysAsk")
 
 OPTIONAL_PARTS = (
@@ -222,7 +224,7 @@ OPTIONAL_PARTS = (
         "plausible scales: gaps (k - 1, m), weights (m,), precisions (m,), or None for now",
         "Questions are chosen by it. Without it they are chosen by scales drawn from all ordered "
         "ones.",
-        _LEARNING + _PANEL,
+        _DRAWING + _PANEL,
     ),
     Part(
         "TrustsDraws",
@@ -305,7 +307,7 @@ OPTIONAL_PARTS = (
         "settle(d)",
         "beside `rule`: verdicts and tiers (n,) of what the rule leaves open",
         "Compiled loops call it there.",
-        _POLYTOPES + _PANEL,
+        (*_POLYTOPES, _OPEN, *_PANEL),
     ),
     Part(
         "KnowsPeople",
@@ -322,6 +324,14 @@ OPTIONAL_PARTS = (
         "`elicit.model.comparator.PersonAsked`; None if nobody can tell more",
         "A question is put to that person, who is its `Query.who`.",
         _PANEL,
+    ),
+    Part(
+        "LeavesOrderOpen",
+        "unordered",
+        "the two neighbouring levels, counted from 0, of which either may be the better",
+        "`choose` goes by its verdicts and bounds alone. Learners refuse it. Without it the order "
+        "of the levels is certain.",
+        (_OPEN,),
     ),
 )
 """All optional parts. ``elicit.testing`` checks them, and docs/your-own-comparator.md is compared
@@ -378,13 +388,23 @@ def bounds_of(comparator: Comparator, d: Floats) -> tuple[Floats, Floats]:
 def best_guess(comparator: Comparator) -> Floats:
     """``comparator.values`` (k,).
 
-    Raises TypeError unless these are numbers that rise from 0 to 1.
+    Raises TypeError unless these are numbers that rise from 0 to 1. They need not rise from one
+    level to the next if the comparator leaves the order of the two open.
     """
     values = np.asarray(comparator.values, dtype=np.float64)
+    open_step = unordered_of(comparator)
+    if open_step is not None and values.shape == (comparator.k,):
+        low = open_step[0]
+        values_in_order = values.copy()
+        values_in_order[low : low + 2] = np.sort(values[low : low + 2])
+    else:
+        values_in_order = values
     ends = (
-        values.shape == (comparator.k,) and abs(values[0]) < 1e-6 and abs(values[-1] - 1.0) < 1e-6
+        values.shape == (comparator.k,)
+        and abs(values_in_order[0]) < 1e-6
+        and abs(values_in_order[-1] - 1.0) < 1e-6
     )
-    if not (ends and (np.diff(values) >= -1e-9).all()):
+    if not (ends and (np.diff(values_in_order) >= -1e-9).all()):
         raise TypeError(
             f"{type(comparator).__name__}.values must be an array ({comparator.k},) that rises "
             "from 0 to 1, the best "
@@ -404,6 +424,8 @@ def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, f
     if offers(comparator, "simultaneous_bounds"):
         found = cast(BoundsAllAtOnce, comparator).simultaneous_bounds(d)
         high, confidence = _checked_bounds(found, type(comparator).__name__, len(rows))
+        if unordered_of(comparator) is not None:
+            return high, confidence
         # what lies beyond the order's bounds, such as inf, says no more than these do; rounding
         # stays as it is
         most, rounding = (
@@ -613,6 +635,15 @@ class ChoosesWhom(Protocol):
 
 
 @runtime_checkable
+class LeavesOrderOpen(Protocol):
+    """A comparator that does not know which of two neighbouring levels is the better."""
+
+    @property
+    def unordered(self) -> tuple[int, int]:
+        """The two levels, counted from 0, the lower number first."""
+
+
+@runtime_checkable
 class AllowsTies(Protocol):
     """A comparator whose tutor may call equal what is only nearly so."""
 
@@ -690,6 +721,14 @@ def cells_of(comparator: Comparator) -> Sequence[Cell]:
     """The comparator's cells: one, which is all of it, where it is not made of cells."""
     cells = cast(MadeOfCells, comparator).cells if offers(comparator, "cells") else ()
     return cells if len(cells) > 1 else (Cell(comparator, (), 1.0),)
+
+
+def unordered_of(comparator: Comparator) -> tuple[int, int] | None:
+    """Return the two neighbouring levels whose order the comparator leaves open; None if none."""
+    if not offers(comparator, "unordered"):
+        return None
+    low, high = cast(LeavesOrderOpen, comparator).unordered
+    return int(low), int(high)
 
 
 def wrong_of(comparator: Comparator) -> int:

@@ -6,7 +6,7 @@ import argparse
 import re
 import shlex
 import sys
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
@@ -18,6 +18,7 @@ from qlearn.experiments.settings import FROM_0, INNER, SHARE, NameOrOwn, Number
 
 if TYPE_CHECKING:
     from elicit import Session, Subject
+    from qlearn.cli.teach_subjects import Taught
 
 _TAUGHT = tuple(name for name, entry in PROBLEMS.items() if entry.taught)
 _PROBLEM = NameOrOwn(_TAUGHT, "(seed) returns an OrdinalMDP, or (mdp, elicit.Words)")
@@ -27,13 +28,18 @@ _AUDIT = 0.1
 LONGEST_NAME = 80
 RECIPE = "recipe"
 """The field of a log's header that holds the options of ``qlearn teach`` that began it."""
+_BUDGET = Number(int, lambda n: 1 <= n < 10_000, "a whole number from 1 to 9999")
 _DAYS = Number(int, lambda n: n >= 2, "a whole number of at least 2")
 
 
-class PageOptions(TypedDict):
-    """The person who answers, and where a browser finds the questions, if ``web`` is given."""
+class SessionOptions(TypedDict):
+    """The person who answers, the planned number of questions, and the address of the page.
+
+    The address counts if ``web`` is given.
+    """
 
     who: str | None
+    questions: int | None
     web: bool
     port: int
     host: str
@@ -115,6 +121,14 @@ def add_to(commands: Any) -> None:
         "[%(default)s]",
     )
     command.add_argument(
+        "--questions",
+        type=number_parser(_BUDGET),
+        metavar="N",
+        help="how many questions you have time for: says before the first what they are likely to "
+        "prove, which takes up to a minute (Ctrl+C skips it), and offers the result after so many "
+        "[no limit]",
+    )
+    command.add_argument(
         "--audit",
         type=number_parser(SHARE),
         default=_AUDIT,
@@ -164,7 +178,7 @@ def run(
     seed: int,
     tolerance: float,
     audit: float,
-    **page: Unpack[PageOptions],
+    **how: Unpack[SessionOptions],
 ) -> int:
     """Run the command and return the exit code."""
     from elicit import AnswerLog, Session
@@ -172,25 +186,27 @@ def run(
     from qlearn.cli.teach_subjects import taught_by
     from qlearn.cli.teach_terminal import Terminal
 
+    questions = how["questions"]
     name = problem if isinstance(problem, str) else problem.name
     short = Path(name).stem if name.lower().endswith(".csv") else name.replace(":", "-")
     try:
-        who = page["who"] or (None if log else _asked_name())
+        who = how["who"] or (None if log else _asked_name())
     except KeyboardInterrupt:
         return 130
     path = log or Path(f"answers-{short}{'' if who is None else f'-{_in_a_path(who)}'}.jsonl")
     again = ["qlearn", "teach", "--problem", name, "--comparator", comparator, "--log", str(path)]
     again += ["--days", str(days), "--seed", str(seed), *([] if unit is None else ["--unit", unit])]
     again += [] if name.lower().endswith(".csv") else ["--tolerance", str(tolerance)]
+    again += [] if questions is None else ["--questions", str(questions)]
     again += [] if audit == _AUDIT else ["--audit", str(audit)]
     again += [] if who is None else ["--who", who]
-    if page["web"]:
+    if how["web"]:
         again += [
             "--web",
-            *(["--port", str(page["port"])] if page["port"] else []),
-            *([] if page["host"] == _HOST else ["--host", page["host"]]),
+            *(["--port", str(how["port"])] if how["port"] else []),
+            *([] if how["host"] == _HOST else ["--host", how["host"]]),
         ]
-        again += ["--let-others-in"] if page["let_others_in"] else []
+        again += ["--let-others-in"] if how["let_others_in"] else []
     with ExitStack() as stack:
         try:
             taught = taught_by(problem, comparator, days, unit, seed, tolerance)
@@ -216,9 +232,27 @@ def run(
             return fail(str(error))
         except KeyboardInterrupt:
             return 130
-        if page["web"]:
-            return _served(session, taught.subject, shlex.join(again), page)
-        return Terminal(session, taught.subject, shlex.join(again)).converse()
+        if questions is not None:
+            _say_plan(taught, session, questions)
+        if how["web"]:
+            return _served(session, taught.subject, shlex.join(again), how)
+        return Terminal(session, taught.subject, shlex.join(again), questions).converse()
+
+
+def _say_plan(taught: Taught, session: Session, questions: int) -> None:
+    """Print what so many questions are likely to prove, unless that is interrupted or unknown."""
+    from elicit.person.asker import Compares
+
+    asker = session.current_asker()
+    if taught.plan is None or not isinstance(asker, Compares) or not asker.ask():
+        return
+    print(
+        f"Simulating sessions of {questions} questions (up to a minute; Ctrl+C skips this) ...",
+        file=sys.stderr,
+        flush=True,
+    )
+    with suppress(KeyboardInterrupt):
+        print(f"Your plan: {taught.plan(asker.comparator, questions)}", flush=True)
 
 
 def _name_parser(text: str) -> str:
@@ -270,7 +304,7 @@ def _begun_with(path: Path, recipe: dict[str, Any]) -> dict[str, Any]:
     return {RECIPE: header[RECIPE]} if RECIPE in header else {}
 
 
-def _served(session: Session, subject: Subject, again: str, page: PageOptions) -> int:
+def _served(session: Session, subject: Subject, again: str, how: SessionOptions) -> int:
     """Serve the page until Ctrl+C, and return the exit code."""
     from elicit.person.hosts.web import serve
     from elicit.person.showing import printable
@@ -279,9 +313,9 @@ def _served(session: Session, subject: Subject, again: str, page: PageOptions) -
         serve(
             session,
             subject,
-            page["host"],
-            page["port"],
-            let_others_in=page["let_others_in"],
+            how["host"],
+            how["port"],
+            let_others_in=how["let_others_in"],
         )
     # a package is missing, an address lets others in, a port is in use
     except (ImportError, ValueError, OSError) as error:

@@ -114,7 +114,7 @@ class Cells:
         """
         if len(self.parts) == 1:
             return np.ones(1)
-        log_volume = np.array([_log_volume(part.scales.draws) for part in self.parts])
+        log_volume = np.array([log_volume(part.scales.draws) for part in self.parts])
         wrong = np.array([len(part.wrong) for part in self.parts])
         weights = np.exp(log_volume - log_volume.max()) * WRONG_ODDS**wrong
         return np.asarray(weights / weights.sum())
@@ -234,7 +234,7 @@ def _unequal(one: Answers, tie: float) -> Iterator[Answers]:
         yield Answers(d, [1], one.ids)
 
 
-def _log_volume(draws: Draws) -> float:
+def log_volume(draws: Draws) -> float:
     """Return the logarithm of a set's volume, but for a constant: that of the ellipsoid by which
     draws scatter.
 

@@ -377,6 +377,7 @@ BAD_PARTS = {
     "wrong": {"wrong": -1},
     "lapse": {"lapse": 2},
     "tie": {"tie": -1},
+    "unordered": {"unordered": (0, 2)},
     "answers": {"answers": Answers.none(9)},
     "answers_to_next_step": {"answers_to_next_step": 0},
     "people": {"people": ("ann", "ann")},
