@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, ClassVar, Protocol, TypeAlias, TypeVar, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from elicit._support.hashing import Seed
+from elicit._support.hashing import Seed, fold, key_of, name_code
+from elicit._support.seeds import seed_of
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
 from elicit.asking.elicitation import AnsweredQuery, Audit, Elicitation, OnConflict, Pair, Watcher
@@ -36,6 +38,8 @@ from qlearn.learners.action_pair_kernel import AnswersInLoops
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 R_co = TypeVar("R_co", covariant=True)
+
+_SIDES = name_code("sides that a tutor is shown")
 
 TutorLike: TypeAlias = Callable[[Query], Answer | int]
 """A ``Tutor``, or a function that returns a verdict on the query's left vector in place of an
@@ -424,6 +428,7 @@ def drive(
     log: AnswerLog | None = None,
     progress: Callable[[R_co], None] | None = None,
     on_conflict: OnConflict = "raise",
+    seed: Seed | None = 0,
 ) -> R_co:
     """Ask and tell until the learner asks no more.
 
@@ -437,7 +442,13 @@ def drive(
     its own pair only. Where the tutor raises, or is interrupted, at one of several questions
     (``batch``), the answers to those before are logged and told all the same. ``progress`` is
     called with the Result so far after every round of questions. AlwaysAsk with a simulated tutor
-    asks so much that only counts are kept. Raises StaleAnswer, before any answer of the round is
+    asks so much that only counts are kept.
+
+    The tutor is shown half of the pairs right to left, by chance, so that a liking for one side
+    favours no policy. ``seed`` draws the sides; None draws them anew each time. The answers are
+    told and logged in terms of the learner's own left, with ``swapped`` for what was exchanged.
+
+    Raises StaleAnswer, before any answer of the round is
     logged, where the tutor answers what was not asked.
     """
     require(on_conflict in ("raise", "drop"), "on_conflict", "'raise' or 'drop'", on_conflict)
@@ -452,7 +463,7 @@ def drive(
     if quiet and own and isinstance(tutor, AnswersInLoops) and isinstance(learner, AsksWithin):
         learner.ask_within(tutor)
     try:
-        return _driven(learner, tutor, log, progress, on_conflict)
+        return _driven(learner, _by_sides(tutor, seed), log, progress, on_conflict)
     finally:  # whoever asks it next is not to get this tutor's answers
         if signs is not None:
             learner.consult(None)
@@ -476,9 +487,33 @@ def _signs_of(tutor: TutorLike) -> Callable[[ArrayLike], NDArray[np.int8]] | Non
     return None
 
 
+def _by_sides(tutor: TutorLike, seed: Seed | None) -> Callable[[Query], Answer]:
+    """Return the tutor as one who is shown half of the queries right to left."""
+    key = key_of(seed_of(seed))
+
+    def ask(query: Query) -> Answer:
+        if int(fold(key, _SIDES, name_code(query.id))) & 1:
+            return _answer_of(tutor(query), query)
+        shown = exchanged(query)
+        answer = _answer_of(tutor(shown), shown)
+        if not isinstance(answer, Answer) or answer.query.id != query.id:
+            return answer  # refused by ``match``
+        verdict = None if answer.verdict is None else answer.verdict.flipped
+        return Answer(query, verdict, swapped=not answer.swapped)
+
+    return ask
+
+
+def exchanged(query: Query) -> Query:
+    """Return the query with left and right exchanged, also in its words."""
+    words = {"(left)": "(right)", "(right)": "(left)"}
+    about = re.sub(r"\((left|right)\)", lambda found: words[found[0]], query.about)
+    return replace(query, left=query.right, right=query.left, about=about)
+
+
 def _driven(
     learner: Drivable[R_co],
-    tutor: TutorLike,
+    tutor: Callable[[Query], Answer],
     log: AnswerLog | None,
     progress: Callable[[R_co], None] | None,
     on_conflict: OnConflict,
@@ -487,7 +522,7 @@ def _driven(
         given: list[Answer] = []
         try:
             for query in queries:
-                given.append(_answer_of(tutor(query), query))
+                given.append(tutor(query))
         except BaseException as error:  # also Ctrl+C: what the tutor said before is kept
             try:
                 _log_and_tell(learner, match(given, queries), log, on_conflict)
