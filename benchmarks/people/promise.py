@@ -27,8 +27,8 @@ from qlearn.experiments.parallel import Cell, sweep
 from qlearn.experiments.run import TUTORS as BY_RATE
 
 LEVELS = (5, 10, 20)
-STATES, ACTIONS = 30, 5
-TOLERANCE, BUDGET, ERROR = 0.01, 200, 0.1
+STATES, ACTIONS = 15, 3
+TOLERANCE, BUDGET, ERROR = 0.01, 150, 0.1
 FIRST = 1000  # seeds from here on: none of those on which anything was tried out
 ROUND = 10  # seeds between two looks at the journal
 MAKES: Mapping[str, Callable[[OrdinalMDP, Floats, int], Tutor]] = {
