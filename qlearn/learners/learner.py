@@ -34,6 +34,7 @@ from elicit.model.scale import Floats
 from elicit.model.tutor import TutorOfMany, check_tutor_made
 from elicit.tutors.answer_log import EXPECTED, AnswerLog
 from qlearn.certificates.loss_bound import BOUNDING, Guarantee, loses_at_most, loss_bound
+from qlearn.certificates.within_reach import out_of_reach, tolerance_within_reach
 from qlearn.learners.action_pair_kernel import AnswersInLoops
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
@@ -131,7 +132,8 @@ class Result:
 
     ``policy`` (S,) actions; ``asked``: questions to the tutor, audits not counted; ``decided``:
     comparisons by tier; ``shares``: ``q``, or a function that computes it; ``guarantee``: computes
-    the loss bound; ``rounds``: steps, sweeps, or policies solved for; ``discount``: the MDP's.
+    the loss bound; ``rounds``: steps, sweeps, or policies solved for; ``discount``: the MDP's;
+    ``tolerance`` and ``budget`` of questions: as the learner was given them, None if it has none.
     """
 
     policy: NDArray[np.int64]
@@ -146,6 +148,8 @@ class Result:
     shares: Floats | Callable[[], Floats]
     guarantee: Callable[[], Guarantee]
     discount: float
+    tolerance: float | None = None
+    budget: int | None = None
 
     def __str__(self) -> str:
         """Return the status, the number of questions, and what the loss bound means.
@@ -155,7 +159,8 @@ class Result:
         questions = (
             "1 question was asked" if self.asked == 1 else f"{self.asked:,} questions were asked"
         )
-        return f"{self.status.sentence}\n{questions}.\n{self._loss_in_words()}"
+        parts = (self.status.sentence, f"{questions}.", self._loss_in_words(), self.outlook)
+        return "\n".join(part for part in parts if part)
 
     def __repr__(self) -> str:
         parts = [f"status={self.status.name}", f"asked={self.asked}"]
@@ -227,6 +232,26 @@ class Result:
             return f"proven, {assumed_of_answers(wrong_of(self.comparator), 'the')}"
         return (
             f"with probability {self.confidence:.4g}, if the tutor errs as the comparator assumes"
+        )
+
+    @property
+    def outlook(self) -> str:
+        """A sentence if the tutor errs too much for the tolerance to be reached, else "".
+
+        It is said early, from 30 answers on, and only if a budget of questions was stated
+        (``max_queries``) and the comparator learns the tutor's precision. What it says can be had
+        is a rough figure; ``loss_bound`` is what holds.
+        """
+        ended = self.status in (Status.CONVERGED, Status.CERTIFIED, Status.BOUNDED)
+        if self.tolerance is None or self.budget is None or ended:
+            return ""
+        if not out_of_reach(self.comparator, self.tolerance, self.budget):
+            return ""
+        had = tolerance_within_reach(self.comparator, self.budget)
+        return (
+            f"By the answers so far the tutor errs so often where two things are close (precision "
+            f"{self.comparator.precision:.2g}) that {100 * self.tolerance:.3g}% "  # type: ignore[attr-defined]
+            f"is out of reach within {self.budget:,} questions: about {100 * had:.2g}% can be had."
         )
 
     @property
@@ -362,6 +387,7 @@ class Learner:
         *,
         more: NDArray[np.int64] | int = 0,
         guarantee: Callable[[], Guarantee] | None = None,
+        tolerance: float | None = None,
     ) -> Result:
         """Return the Result of this policy, which must stay as it is.
 
@@ -385,6 +411,8 @@ class Learner:
             rounds=rounds,
             guarantee=guarantee or partial(loss_bound, mdp, policy.copy(), elicitation.comparator),
             discount=mdp.discount,
+            tolerance=tolerance,
+            budget=elicitation.max_queries,
         )
 
 
