@@ -81,6 +81,7 @@ def report(folder: Path, quick: bool = False) -> Iterator[list[str]]:
 def by_person(chance: Floats, said: Floats) -> Floats:
     """Return the mean log-probability (n,) of each person's answers."""
     given = np.where(said == 1, chance, 1.0 - chance)
+    given[np.isnan(said)] = np.nan
     return np.asarray(np.nanmean(np.log(np.maximum(given, LEAST)), axis=1))
 
 
