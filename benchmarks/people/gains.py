@@ -8,7 +8,7 @@ Needs the folder with the tables that are not shipped; docs/people.md says what 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -287,23 +287,11 @@ def questions(folder: Path, most: int | None) -> Iterator[str]:
         "20 times": lambda number: repeated_gambles(sets=[number]),
         "45 times": lambda number: repeated_gambles(folder / "gambles_45_times.csv", sets=[number]),
     }
-    rows = []
-    for experiment, load in tables.items():
-        for number in (1, 2):
-            logs = dict(list(load(number).items())[:most])
-            names = np.array(sorted(logs))
-            half = choosing_half(len(names))
-            k = logs[names[0]].k or 0
-            like = PosteriorComparator(
-                k, like=[logs[name].answers()[:ANSWERS_BEFORE] for name in names[half]]
-            ).like
-            for label, prior in (("without", None), ("with", like)):
-                runs = np.array([best_of(logs[name], k, prior) for name in names[~half]])
-                rows.append([
-                    f"{experiment}, set {number}", label, f"{len(runs)}",
-                    *(_mean(runs[:, i], digits, percent) for i, digits, percent in
-                      ((0, 1, False), (1, 0, True), (2, 1, True))),
-                ])  # fmt: skip
+    rows = [
+        row
+        for experiment, load in tables.items()
+        for row in gamble_rows(experiment, load, (1, 2), most)
+    ]
     yield "## Questions until the best of five gambles is found"
     yield ""
     yield (
@@ -315,6 +303,33 @@ def questions(folder: Path, most: int | None) -> Iterator[str]:
     yield ""
     head = ("experiment", "earlier people", "people", "questions", "ended", "preferred")
     yield from markdown(head, rows, 2)
+
+
+def gamble_rows(
+    experiment: str,
+    load: Callable[[int], dict[str, AnswerLog]],
+    sets: Sequence[int],
+    most: int | None = None,
+) -> Iterator[list[str]]:
+    """Rows of questions without earlier people and with them, for sets of gambles."""
+    for number in sets:
+        logs = dict(list(load(number).items())[:most])
+        names = np.array(sorted(logs))
+        half = choosing_half(len(names))
+        k = logs[names[0]].k or 0
+        like = PosteriorComparator(
+            k, like=[logs[name].answers()[:ANSWERS_BEFORE] for name in names[half]]
+        ).like
+        for label, prior in (("without", None), ("with", like)):
+            runs = np.array([best_of(logs[name], k, prior) for name in names[~half]])
+            yield [
+                f"{experiment}, set {number}",
+                label,
+                f"{len(runs)}",
+                _mean(runs[:, 0], 1, False),
+                _mean(runs[:, 1], 0, True),
+                _mean(runs[:, 2], 1, True),
+            ]
 
 
 def _mean(x: Floats, digits: int, percent: bool) -> str:
