@@ -8,7 +8,7 @@ Needs the folder with the tables that are not shipped; docs/people.md says what 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -72,7 +72,7 @@ def report(folder: Path, quick: bool = False) -> Iterator[list[str]]:
         "predicted by the rest. A gain is in nats an answer, person by person on the same answers. "
         "Intervals are of 95%, by a bootstrap over people.",
     ]
-    yield list(laws(choices, 2000 if quick else DRAWS))
+    yield list(laws(choices, order_of(choices, logs), 2000 if quick else DRAWS))
     yield list(earlier_people(choices, FEWER[:1] if quick else FEWER))
     yield list(questions(folder, 6 if quick else None))
     yield ["## Machine", "", machine("one thread")]
@@ -91,7 +91,35 @@ def gain(chance: Floats, before: Floats, said: Floats) -> str:
     return shown(over_people(lambda i: float(apart[i].mean()), len(apart)), 4)
 
 
-def laws(choices: Choices, count: int) -> Iterator[str]:
+def order_of(choices: Choices, logs: Mapping[str, AnswerLog]) -> Floats:
+    """Return when each question was answered (n, m), from 0 (first) to 1 (last)."""
+    place = {name: i for i, name in enumerate(_questions_of(logs))}
+    when = np.full(choices.said.shape, np.nan)
+    for row, name in enumerate(choices.names):
+        for i, entry in enumerate(logs[name]):
+            when[row, place[entry.answer.query.id]] = i / max(1, len(logs[name]) - 1)
+    return when
+
+
+def _questions_of(logs: Mapping[str, AnswerLog]) -> list[str]:
+    """Return the questions in the order of ``choices_of``."""
+    found: dict[str, int] = {}
+    for name in sorted(logs):
+        for entry in logs[name]:
+            found.setdefault(entry.answer.query.id, len(found))
+    return list(found)
+
+
+def drift(chance: Floats, said: Floats, when: Floats) -> str:
+    """Return by how much the second half of a session is predicted better than the first."""
+    first, last = (
+        by_person(chance, np.where(half, said, np.nan)) for half in (when < 0.5, when >= 0.5)
+    )
+    apart = last - first
+    return shown(over_people(lambda i: float(apart[i].mean()), len(apart)), 4)
+
+
+def laws(choices: Choices, when: Floats, count: int) -> Iterator[str]:
     """Laws of error beside the product's, by the same draws."""
     n, m = choices.said.shape
     half, fold_of = choosing_half(n), deal(n, m, FOLDS, SEED)
@@ -125,6 +153,12 @@ def laws(choices: Choices, count: int) -> Iterator[str]:
         ])  # fmt: skip
     head = ("law", "choosing half", "reporting half", "reporting half, with a prior of people")
     yield from markdown(head, rows, 1)
+    apart = drift(found[PLAIN][0][~half], choices.said[~half], when[~half])
+    yield ""
+    yield (
+        "**Drift.** By the product's law the second half of the reporting half's sessions is "
+        f"predicted better than the first by {apart} nats an answer."
+    )
 
 
 def answers_of(choices: Choices, person: int) -> Answers:

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from benchmarks.people import gains, promise
-from benchmarks.people.choices import Choices
+from benchmarks.people.choices import Choices, choices_of
+from elicit import Answer, AnswerLog, Query
 from elicit.people import repeated_gambles
 
 
@@ -58,3 +59,23 @@ def test_the_runs_of_all_rows_go_side_by_side():
     assert len(plan) == 2 * len(promise.MAKES) * len(promise.LEVELS)
     assert {cell["seed"] for cell in plan[:6]} == {promise.FIRST}
     assert promise.held([{"held": True}] * 95 + [{"held": False}] * 5) == "95.0% [88.7, 98.4]"
+
+
+def test_drift_is_the_second_half_less_the_first_person_by_person():
+    said = np.array([[1.0, 1.0, 0.0, 0.0], [1.0, 1.0, 1.0, np.nan]])
+    chance = np.array([[0.5, 0.5, 0.2, 0.4], [0.9, 0.8, 0.9, 0.1]])
+    when = np.array([[0.0, 1 / 3, 2 / 3, 1.0], [1.0, 0.0, 0.4, np.nan]])
+    one = (np.log(0.8) + np.log(0.6)) / 2 - np.log(0.5)
+    other = np.log(0.9) - (np.log(0.8) + np.log(0.9)) / 2
+    assert gains.drift(chance, said, when).startswith(f"{(one + other) / 2:.4f} [")
+
+
+def test_the_order_is_that_of_each_persons_log():
+    logs = {}
+    for who, order in {"x": (0, 1, 2), "y": (2, 0, 1)}.items():
+        logs[who] = AnswerLog(k=2, header={"amounts": [0, 4]})
+        for i in order:
+            bags = [0.1 * i, 1 - 0.1 * i], [0.5, 0.5]
+            logs[who].append(Answer(Query(f"question {i}", *bags), 1))
+    when = gains.order_of(choices_of(logs), logs)
+    assert when.tolist() == [[0.0, 0.5, 1.0], [0.5, 1.0, 0.0]]
