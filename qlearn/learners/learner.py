@@ -527,7 +527,8 @@ def _by_sides(tutor: TutorLike, seed: Seed | None) -> Callable[[Query], Answer]:
         if not isinstance(answer, Answer) or answer.query.id != query.id:
             return answer  # refused by ``match``
         verdict = None if answer.verdict is None else answer.verdict.flipped
-        return Answer(query, verdict, swapped=not answer.swapped)
+        # whatever else the answer says, such as who gave it, stays
+        return replace(answer, query=query, verdict=verdict, swapped=not answer.swapped)
 
     return ask
 
