@@ -49,6 +49,7 @@ from elicit.people import repeated_gambles
 from qlearn.paper.claims import claims_page
 from qlearn.paper.figure_runs import figures
 from tests.report_cases import table_rows
+from tests.thoroughness import thorough
 
 PAGE = {page.name: page for page in PAGES}
 Cells: TypeAlias = list[str | None]  # of a row of a page, None for seconds and the like
@@ -375,9 +376,9 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("claims", claimed),
     ("assumptions", assumed, SLOW),
     ("literal", read_literally, SLOW),
-    ("exploration", explored),
+    ("exploration", explored, SLOW),
     ("ablation", ablated("polytope")),
-    ("ablation", ablated("posterior")),
+    ("ablation", ablated("posterior"), SLOW),
     ("RESULTS-certified", certified("k = 5", "value iteration", certificates.NEVER), SLOW),
     ("RESULTS-certified", certified("k = 5", "policy iteration", certificates.NEVER), SLOW),
     ("RESULTS-certified", certified("ICU-Sepsis", "policy iteration", certificates.FLIPS), SLOW),
@@ -386,9 +387,9 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("RESULTS-questions", questions("certify, max regret", "posterior", 0.1), SLOW),
     ("RESULTS-question-rules", ruled, SLOW),
     ("about-equal", equal, SLOW),
-    ("RESULTS-headroom", unasked),
+    ("RESULTS-headroom", unasked, SLOW),
     ("RESULTS-loss", asked_so_far, SLOW),
-    ("RESULTS-cuts", cut),
+    ("RESULTS-cuts", cut, SLOW),
     ("RESULTS-wrong", wrong, SLOW),
     ("RESULTS-sessions", sessions, SLOW),
     ("RESULTS-scale", scale, SLOW),
@@ -400,7 +401,7 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("RESULTS-people", answered_again),
     ("RESULTS", learned, SLOW),
     ("RESULTS-ivi", swept, SLOW),
-    ("RESULTS-lp", streams),
+    ("RESULTS-lp", streams, SLOW),
     ("RESULTS-training", trained("random MDP, k = 5, truthful"), SLOW),
     ("RESULTS-training", trained("deep-sea-treasure, hidden weights"), SLOW),
     ("dqn_terrain", walked, SLOW),
@@ -428,6 +429,8 @@ def test_some_rows_of_every_page_are_made_again_or_it_is_said_why_not():
 )
 def test_rows_made_again_have_the_digits_of_their_page(name, again):
     page = PAGE[name]
+    if page.state != "current" and not thorough():  # its rows may well differ: no news
+        pytest.xfail(f"{page.path} is {page.state}: make evidence")
     text = (ROOT / page.path).read_text(encoding="utf-8")
     rows = list(csv.reader(io.StringIO(text))) if page.path.endswith(".csv") else table_rows(text)
     made = list(again(text))
