@@ -39,7 +39,7 @@ from benchmarks.learning.learning_runs import Setting
 from benchmarks.learning.learning_tables import Kind, described
 from benchmarks.paper import ablation_table, assumptions, exploration, literal
 from benchmarks.paper.paired_runs import Choice, measure_all
-from benchmarks.people import answers_of_people
+from benchmarks.people import answers_of_people, panel
 from benchmarks.people.repeats import of_logs
 from benchmarks.posteriors import preference_posteriors
 from benchmarks.reporting import with_interval
@@ -144,6 +144,13 @@ def unasked(text: str) -> Iterator[str | Cells]:
     count = int(re.search(r"of (\d+) draws", text)[1])
     for name in ("career", "plant"):
         yield [*headroom.described(name, headroom.losses(name, range(count), ["even"])["even"])]
+
+
+def asked_together(text: str) -> Iterator[str | Cells]:
+    count = int(re.search(r"Seeds 0 to (\d+)", text)[1]) + 1
+    key = panel.SMALL, "independent", "never"
+    found = panel.runs(*key, range(panel.seeds_of(panel.SMALL, count)))
+    yield [*panel.described(*key, found)]
 
 
 def asked_so_far(text: str) -> Iterator[str | Cells]:
@@ -399,6 +406,7 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("RESULTS-bradley-terry", fits),
     ("RESULTS-posteriors", believed, SLOW),
     ("RESULTS-people", answered_again),
+    ("RESULTS-panel", asked_together, SLOW),
     ("RESULTS", learned, SLOW),
     ("RESULTS-ivi", swept, SLOW),
     ("RESULTS-lp", streams, SLOW),
