@@ -135,6 +135,7 @@ PAGES = (  # a notebook after the tables that it reads
     results("RESULTS-people", "people.answers_of_people results/people", 20),
     results("RESULTS-people-gains", "people.gains results/people", 10),
     results("RESULTS-promise", "people.promise --jobs 2", 60),
+    results("RESULTS-panel", "people.panel --journal results/panel.jsonl", 120),
     results("RESULTS", "learning.learning_cost", 25, "peers"),
     results("RESULTS-ivi", "learning.value_iteration_cost", 6, "peers"),
     results(
