@@ -116,6 +116,9 @@ PAGES = (  # a notebook after the tables that it reads
     results("RESULTS-headroom", "asking.headroom", 3),
     results("RESULTS-loss", "asking.loss_by_questions", 10),
     results("RESULTS-cuts", "asking.cuts_and_pairs --journal results/cuts.jsonl", 15),
+    results(
+        "RESULTS-families", "comparing.families_and_rules --journal results/families.jsonl", 15
+    ),
     results("RESULTS-wrong", "asking.wrong_answers --journal results/wrong.jsonl", 30),
     results("RESULTS-sessions", "asking.person_sessions", 10, "browser"),
     results("RESULTS-scale", "asking.certify_at_scale --huge", 15),
