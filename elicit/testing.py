@@ -428,12 +428,30 @@ def _check_settings(comparator: Comparator) -> None:
         )
         total = sum(cell.weight for cell in cells)
         _say(abs(total - 1.0) <= 1e-9, f"the weights of the cells must total 1, not {total}")
+    if offers(known, "people"):
+        _check_people(known)
+    elif offers(known, "whom"):
+        _say(False, "whom goes with people, the names of those who may be asked")
     if offers(known, "answers"):
         right = isinstance(known.answers, Answers) and known.answers.k == comparator.k
         _say(
             right,
             f"answers must be elicit.Answers over k = {comparator.k} levels, not {known.answers!r}",
         )
+
+
+def _check_people(known: Any) -> None:
+    """Check the names of those who answer, and whom of them is asked what."""
+    people, k = known.people, known.k
+    named = all(isinstance(name, str) and name for name in people)
+    right = len(people) and named and len({*people}) == len(people)
+    _say(right, f"people must be names, at least one and each once, not {people!r}")
+    _say(offers(known, "whom"), "people goes with whom(d, besides), which says whom to ask")
+    asked = known.whom(np.eye(k)[-1] - 2.0 * np.eye(k)[k // 2], ())
+    right = asked is None or (asked.who in people and np.shape(asked.d) == (k,))
+    _say(right, f"whom(d) must be a PersonAsked of one of {people!r} and d ({k},), not {asked!r}")
+    nobody = known.whom(np.eye(k)[-1] - np.eye(k)[0], people)
+    _say(nobody is None, f"whom(d, besides=people) must be None, not {nobody!r}")
 
 
 def _check_all_at_once(comparator: Comparator, d: Floats) -> None:

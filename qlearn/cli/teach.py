@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import argparse
+import re
 import shlex
 import sys
 from contextlib import ExitStack, suppress
@@ -23,6 +25,7 @@ _PROBLEM = NameOrOwn(_TAUGHT, "(seed) returns an OrdinalMDP, or (mdp, elicit.Wor
 _PORT = Number(int, lambda n: 0 <= n <= 65535, "a port, from 1 to 65535, or 0 for a free one")
 _HOST = "127.0.0.1"
 _AUDIT = 0.1
+LONGEST_NAME = 80
 RECIPE = "recipe"
 """The field of a log's header that holds the options of ``qlearn teach`` that began it."""
 _BUDGET = Number(int, lambda n: 1 <= n < 10_000, "a whole number from 1 to 9999")
@@ -30,8 +33,12 @@ _DAYS = Number(int, lambda n: n >= 2, "a whole number of at least 2")
 
 
 class SessionOptions(TypedDict):
-    """The planned number of questions, and the address of the page if ``web`` is given."""
+    """The person who answers, the planned number of questions, and the address of the page.
 
+    The address counts if ``web`` is given.
+    """
+
+    who: str | None
     questions: int | None
     web: bool
     port: int
@@ -67,15 +74,23 @@ def add_to(commands: Any) -> None:
     command.add_argument(
         "--comparator",
         choices=TAUGHT_WITH,
-        default="polytope",
-        help="who learns: polytope takes each answer for right, posterior allows for errors "
-        "[%(default)s]",
+        default="posterior",
+        help="who learns: posterior allows for errors, as people make them; polytope takes each "
+        "answer for right [%(default)s]",
     )
     command.add_argument(
         "--log",
         type=Path,
         metavar="FILE",
-        help="where the answers are kept [answers-PROBLEM.jsonl, here]",
+        help="where the answers are kept; with --who NAME it is answers-PROBLEM-NAME.jsonl "
+        "[answers-PROBLEM.jsonl, here]",
+    )
+    command.add_argument(
+        "--who",
+        type=_name_parser,
+        metavar="NAME",
+        help="name or pseudonym of the person who answers, for the log: each has a log of their "
+        "own. In a terminal, without a name and a --log, it is asked for at the start [nobody]",
     )
     command.add_argument(
         "--days",
@@ -174,12 +189,17 @@ def run(
     questions = how["questions"]
     name = problem if isinstance(problem, str) else problem.name
     short = Path(name).stem if name.lower().endswith(".csv") else name.replace(":", "-")
-    path = log or Path(f"answers-{short}.jsonl")
+    try:
+        who = how["who"] or (None if log else _asked_name())
+    except KeyboardInterrupt:
+        return 130
+    path = log or Path(f"answers-{short}{'' if who is None else f'-{_in_a_path(who)}'}.jsonl")
     again = ["qlearn", "teach", "--problem", name, "--comparator", comparator, "--log", str(path)]
     again += ["--days", str(days), "--seed", str(seed), *([] if unit is None else ["--unit", unit])]
     again += [] if name.lower().endswith(".csv") else ["--tolerance", str(tolerance)]
     again += [] if questions is None else ["--questions", str(questions)]
     again += [] if audit == _AUDIT else ["--audit", str(audit)]
+    again += [] if who is None else ["--who", who]
     if how["web"]:
         again += [
             "--web",
@@ -202,8 +222,10 @@ def run(
                 "tolerance": tolerance,
             }
             header = {**taught.header, **_begun_with(path, recipe)}
-            kept = stack.enter_context(AnswerLog(path, len(taught.subject.labels), header))
-            session = stack.enter_context(Session(taught.make, kept, audit=audit, seed=seed))
+            kept = stack.enter_context(AnswerLog(path, len(taught.subject.labels), header, who))
+            session = stack.enter_context(
+                Session(taught.make, kept, who=who, audit=audit, seed=seed)
+            )
         # a package is missing, a problem cannot be, a log is in use, damaged, another's, or not to
         # be written
         except (ImportError, ValueError, OSError) as error:
@@ -231,6 +253,38 @@ def _say_plan(taught: Taught, session: Session, questions: int) -> None:
     )
     with suppress(KeyboardInterrupt):
         print(f"Your plan: {taught.plan(asker.comparator, questions)}", flush=True)
+
+
+def _name_parser(text: str) -> str:
+    """An argparse type: a name of at most ``LONGEST_NAME`` characters that can be printed."""
+    from elicit.person.showing import printable
+
+    name = " ".join(printable(text).split())
+    if not name or len(name) > LONGEST_NAME:
+        raise argparse.ArgumentTypeError(
+            f"a name has 1 to {LONGEST_NAME} characters, not {text[:LONGEST_NAME]!r}"
+        )
+    return name
+
+
+def _asked_name() -> str | None:
+    """Ask for the name of the person who answers; None if nobody is there to ask, or to tell."""
+    if not sys.stdin.isatty():  # then the lines are answers
+        return None
+    while True:
+        print("Your name or a pseudonym, for the log (Enter: none): ", end="", flush=True)
+        said = sys.stdin.readline()
+        if not said.strip():
+            return None
+        try:
+            return _name_parser(said)
+        except argparse.ArgumentTypeError as error:
+            print(f"{error}.")
+
+
+def _in_a_path(who: str) -> str:
+    """Return a name as a part of a file's name: letters, digits, and hyphens for all else."""
+    return re.sub(r"[^\w]+", "-", who).strip("-_") or "person"
 
 
 def _begun_with(path: Path, recipe: dict[str, Any]) -> dict[str, Any]:

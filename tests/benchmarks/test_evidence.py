@@ -39,7 +39,7 @@ from benchmarks.learning.learning_runs import Setting
 from benchmarks.learning.learning_tables import Kind, described
 from benchmarks.paper import ablation_table, assumptions, exploration, literal
 from benchmarks.paper.paired_runs import Choice, measure_all
-from benchmarks.people import answers_of_people
+from benchmarks.people import answers_of_people, gains
 from benchmarks.people.repeats import of_logs
 from benchmarks.posteriors import preference_posteriors
 from benchmarks.reporting import with_interval
@@ -49,6 +49,7 @@ from elicit.people import repeated_gambles
 from qlearn.paper.claims import claims_page
 from qlearn.paper.figure_runs import figures
 from tests.report_cases import table_rows
+from tests.thoroughness import thorough
 
 PAGE = {page.name: page for page in PAGES}
 Cells: TypeAlias = list[str | None]  # of a row of a page, None for seconds and the like
@@ -322,6 +323,11 @@ def answered_again(text: str) -> Iterator[str | Cells]:
     yield from (cells(line) for line in made if line.startswith("| 20 times"))
 
 
+def liked(text: str) -> Iterator[str | Cells]:
+    """Rows of the people whose answers are shipped."""
+    yield from gains.gamble_rows("20 times", lambda number: repeated_gambles(sets=[number]), (1,))
+
+
 def claimed(text: str) -> Iterator[str | Cells]:
     yield claims_page(pd.read_csv(ROOT / "notebooks" / "data" / "figures.csv"))
 
@@ -375,9 +381,9 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("claims", claimed),
     ("assumptions", assumed, SLOW),
     ("literal", read_literally, SLOW),
-    ("exploration", explored),
+    ("exploration", explored, SLOW),
     ("ablation", ablated("polytope")),
-    ("ablation", ablated("posterior")),
+    ("ablation", ablated("posterior"), SLOW),
     ("RESULTS-certified", certified("k = 5", "value iteration", certificates.NEVER), SLOW),
     ("RESULTS-certified", certified("k = 5", "policy iteration", certificates.NEVER), SLOW),
     ("RESULTS-certified", certified("ICU-Sepsis", "policy iteration", certificates.FLIPS), SLOW),
@@ -386,9 +392,9 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("RESULTS-questions", questions("certify, max regret", "posterior", 0.1), SLOW),
     ("RESULTS-question-rules", ruled, SLOW),
     ("about-equal", equal, SLOW),
-    ("RESULTS-headroom", unasked),
+    ("RESULTS-headroom", unasked, SLOW),
     ("RESULTS-loss", asked_so_far, SLOW),
-    ("RESULTS-cuts", cut),
+    ("RESULTS-cuts", cut, SLOW),
     ("RESULTS-wrong", wrong, SLOW),
     ("RESULTS-sessions", sessions, SLOW),
     ("RESULTS-scale", scale, SLOW),
@@ -398,9 +404,10 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("RESULTS-bradley-terry", fits),
     ("RESULTS-posteriors", believed, SLOW),
     ("RESULTS-people", answered_again),
+    ("RESULTS-people-gains", liked),
     ("RESULTS", learned, SLOW),
     ("RESULTS-ivi", swept, SLOW),
-    ("RESULTS-lp", streams),
+    ("RESULTS-lp", streams, SLOW),
     ("RESULTS-training", trained("random MDP, k = 5, truthful"), SLOW),
     ("RESULTS-training", trained("deep-sea-treasure, hidden weights"), SLOW),
     ("dqn_terrain", walked, SLOW),
@@ -408,6 +415,7 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
 NOT_AGAIN = {
     "RESULTS-ivi-huge": "its least row of ours takes a minute and a half, and 2 GiB",
     "RESULTS-cold": "it has nothing but seconds",
+    "RESULTS-promise": "each of its rows is of some hundred runs",
     **{
         page.name: "tests/whole/test_notebooks.py runs them"
         for page in PAGES
@@ -428,6 +436,8 @@ def test_some_rows_of_every_page_are_made_again_or_it_is_said_why_not():
 )
 def test_rows_made_again_have_the_digits_of_their_page(name, again):
     page = PAGE[name]
+    if page.state != "current" and not thorough():  # its rows may well differ: no news
+        pytest.xfail(f"{page.path} is {page.state}: make evidence")
     text = (ROOT / page.path).read_text(encoding="utf-8")
     rows = list(csv.reader(io.StringIO(text))) if page.path.endswith(".csv") else table_rows(text)
     made = list(again(text))

@@ -157,7 +157,7 @@ class Cells:
             return
         if (right := _told(scales, one)) is not None:
             yield PolytopeCell(right, part.wrong)
-        if may and (flipped := _told(scales, Answers(one.d, -one.y, one.ids))) is not None:
+        if may and (flipped := _told(scales, Answers(one.d, -one.y, one.ids, one.who))) is not None:
             yield PolytopeCell(flipped, wrong)
 
 
@@ -189,7 +189,7 @@ def _explained(
     is a culprit."""
 
     def possible(rows: Sequence[int], blank: PolytopeComparator) -> bool:
-        some = Answers(answers.d[rows], answers.y[rows], [answers.ids[row] for row in rows])
+        some = answers.take(rows)
         return bool(Cells([PolytopeCell(blank, ())], most).update(some, 0).parts)
 
     rows = list(range(len(answers)))

@@ -20,6 +20,7 @@ from elicit.model.comparator import (
     BoundsAllAtOnce,
     Comparator,
     Decisions,
+    PersonAsked,
     PredictsAnswers,
     Tier,
     TrustsDraws,
@@ -379,6 +380,8 @@ BAD_PARTS = {
     "unordered": {"unordered": (0, 2)},
     "answers": {"answers": Answers.none(9)},
     "answers_to_next_step": {"answers_to_next_step": 0},
+    "people": {"people": ("ann", "ann")},
+    "whom": {"people": ("ann",), "whom": lambda self, d, besides: PersonAsked("ben", d)},
     "rule": {"rule": 3, "compare": OneScale.compare},
     "settle": {
         "rule": nothing(),
