@@ -116,6 +116,9 @@ PAGES = (  # a notebook after the tables that it reads
     results("RESULTS-headroom", "asking.headroom", 3),
     results("RESULTS-loss", "asking.loss_by_questions", 10),
     results("RESULTS-cuts", "asking.cuts_and_pairs --journal results/cuts.jsonl", 15),
+    results(
+        "RESULTS-families", "comparing.families_and_rules --journal results/families.jsonl", 15
+    ),
     results("RESULTS-wrong", "asking.wrong_answers --journal results/wrong.jsonl", 30),
     results("RESULTS-kinds", "people.kinds_of_question --journal results/kinds.jsonl", 8),
     results("RESULTS-sessions", "asking.person_sessions", 10, "browser"),
