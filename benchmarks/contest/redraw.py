@@ -16,7 +16,7 @@ import pandas as pd
 from scipy import stats
 
 from benchmarks.contest.methods import METHODS, WORST
-from benchmarks.contest.run import KEY, load
+from benchmarks.contest.run import KEY, ROWS, load
 from benchmarks.reporting import markdown, publish, with_interval
 from elicit.model.scale import Floats
 
@@ -239,6 +239,8 @@ def report(frame: pd.DataFrame) -> Iterator[list[str]]:
         "Losses are in percent of the value range, means with 95% t-intervals over problems and "
         f"runs: {', '.join(runs.values())}. In these all methods meet the same problems, hidden "
         "scales and tutors. Claims are counted over all runs of the methods that make them.",
+        "",
+        f"Of the rows: {made_of()}",
     ]
     yield [
         "## Where another method loses less than ours",
@@ -290,6 +292,11 @@ def report(frame: pd.DataFrame) -> Iterator[list[str]]:
                 "",
                 *beside_table(part, OURS, place),
             ]
+
+
+def made_of() -> str:
+    """Return when, by which command and of which sources the rows were made."""
+    return ROWS.with_name("rows.stamp").read_text(encoding="utf-8").strip()
 
 
 def draw(frame: pd.DataFrame, path: Path) -> None:

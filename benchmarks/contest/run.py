@@ -49,7 +49,8 @@ def cells(
 ) -> Iterator[dict[str, Any]]:
     """Yield the runs, seed by seed: every method meets the same problems, scales and tutors.
 
-    ``runs`` has, by tutor, the numbers of runs of methods that claim a loss, and of the others.
+    ``runs`` has, by tutor, the numbers of runs of methods that promise a loss with a probability,
+    and of the others.
     """
     most = max(max(counts.values()) for counts in runs.values())
     for i in range(most):
@@ -57,7 +58,7 @@ def cells(
             for tutor, counts in runs.items():
                 for method in methods:
                     entry = METHODS[method]
-                    many = counts["claiming" if entry.claims else "others"]
+                    many = counts["promising" if entry.promises else "others"]
                     if i < many and entry.only in ("", tutor):
                         yield {
                             "problem": name,
@@ -130,7 +131,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = plan["development" if given.development else "held_out"]
     runs = dict(plan["held_out"]["runs"])
     if given.runs is not None:
-        runs = {name: {"claiming": given.runs, "others": given.runs} for name in runs}
+        runs = {name: {"promising": given.runs, "others": given.runs} for name in runs}
     runs = {name: runs[name] for name in given.tutors or runs}
     todo = list(
         cells(

@@ -10,7 +10,7 @@ from benchmarks.contest.harness import as_seed, play
 from benchmarks.contest.methods import METHODS
 from benchmarks.contest.small_mdp import SmallMDP
 
-ONE, TWO = {"claiming": 1, "others": 1}, {"claiming": 2, "others": 2}
+ONE, TWO = {"promising": 1, "others": 1}, {"promising": 2, "others": 2}
 CELL = {"problem": "career", "tutor": "flips", "seed": 5, "questions": 6}
 
 
@@ -83,11 +83,11 @@ def test_held_out_seeds_are_not_those_of_development():
     assert plan["held_out"]["first_seed"] > plan["development"]["first_seed"] + 1000
     assert set(plan["held_out"]["runs"]) == set(problems.TUTORS)
     for counts in plan["held_out"]["runs"].values():
-        assert counts["claiming"] >= counts["others"] >= 8  # every kind of scale twice
+        assert counts["promising"] >= counts["others"] >= 8  # every kind of scale twice
 
 
-def test_a_method_that_claims_nothing_may_have_fewer_runs():
-    runs = {"flips": {"claiming": 3, "others": 1}}
+def test_a_method_that_promises_nothing_may_have_fewer_runs():
+    runs = {"flips": {"promising": 3, "others": 1}}
     cells = list(contest.cells(["rover"], runs, 7, 5))
     counts = {name: sum(cell["method"] == name for cell in cells) for name in METHODS}
     assert counts["ours: posterior"] == 3
