@@ -121,7 +121,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--methods", nargs="+", choices=[*METHODS])
     parser.add_argument("--jobs", type=int, default=-1, help="processes (default: one a core)")
     parser.add_argument("--journal", type=Path, help="file that keeps finished runs")
-    parser.add_argument("--out", type=Path, help="where to write the rows")
+    parser.add_argument("--out", type=Path, help="where to write the rows, and rows.stamp beside")
     given = parser.parse_args(arguments)
     if given.check is not None:
         return int(check(given.check) > 0)
@@ -155,6 +155,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if given.out is not None:
         given.out.parent.mkdir(parents=True, exist_ok=True)
         frame.to_csv(given.out, index=False)
+        command = "python -m benchmarks.contest.run --journal FILE --out FILE"
+        stamp = stamps.made_now(command, "of held_out.toml", "benchmarks.contest.run")
+        given.out.with_name("rows.stamp").write_text(f"{stamp}\n", encoding="utf-8")
     else:
         last = [name for name in frame if str(name).startswith("initial")][-1]
         shown = frame.groupby(["tutor", "method"], sort=False)

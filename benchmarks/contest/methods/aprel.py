@@ -11,6 +11,10 @@ with figures that the package itself computed. Differences:
 - Volume removal is that of Sadigh et al. (2017), with their model of an answer. The package's code
   maximises the sum of the squared chances of the answers, which is greatest for the question whose
   answer is surest; the least sum, in turn, is that of two equal trajectories.
+- Max regret is that of Wilde, Kulic and Smith (2020), by ratios, as IDRL's code has it: how much
+  reward each scale loses by the other's best trajectory. The package's code divides the reward of
+  one trajectory under two scales. So it asked, on the development seeds, 9 times of 10 about two
+  equal trajectories.
 - The policy is the best one for the mean weights. The package itself stops at the weights.
 """
 
@@ -92,10 +96,13 @@ def disagreement(weights: Floats, logs: Floats) -> float:
 
 
 def regret(weights: Floats, logs: Floats, features: Floats) -> float:
-    """Return the regret of two weights (2, p) by ratios (Wilde, Kulic and Smith 2020)."""
+    """Return the regret of two weights (2, p), each with its best trajectory (Wilde et al. 2020).
+
+    How much of its own best reward each gives up by the other's trajectory, times their chances.
+    """
     own = features @ weights.T  # (trajectory, weights)
-    ratios = own[0, 0] / own[0, 1] + own[1, 1] / own[1, 0]
-    return float(np.exp(logs).prod() * ratios)
+    given_up = 2.0 - own[1, 0] / own[0, 0] - own[0, 1] / own[1, 1]
+    return float(np.exp(logs).prod() * given_up)
 
 
 def _greatest(scores: Floats) -> int:
@@ -126,8 +133,8 @@ def by_regret(belief: Belief) -> tuple[int, int]:
     """Choose the best trajectories of the two samples with the greatest regret."""
     likely, chosen = np.exp(belief.logs), belief.best_ones()
     rewards = np.maximum(belief.features[chosen] @ belief.weights.T, 1e-12)  # (best of i, under j)
-    ratios = np.diag(rewards)[:, None] / rewards
-    return _of_two_samples(belief, np.outer(likely, likely) * (ratios + ratios.T))
+    given_up = 1.0 - rewards / np.diag(rewards)
+    return _of_two_samples(belief, np.outer(likely, likely) * (given_up + given_up.T))
 
 
 def _of_two_samples(belief: Belief, scores: Floats) -> tuple[int, int]:
