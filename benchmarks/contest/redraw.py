@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from benchmarks.contest import problems
 from benchmarks.contest.methods import METHODS, WORST
 from benchmarks.contest.run import KEY, ROWS, load
 from benchmarks.reporting import markdown, publish, with_interval
@@ -24,10 +25,12 @@ ENOUGH = 0.01
 SHOWN = (0, 1, 2, 3, 5, 8, 12, 20, 30)
 PLACES = {"initial": "from the start", "worst": "at the worst state"}
 OURS, PROVEN, RANDOM = "ours: posterior", "ours: polytope", "random pairs"
+MAGNIFIED = "ours: posterior, magnified"
 COMPARED = (3, 5, 10, 30)
 DRAWN = {  # in the picture, with a colour
     PROVEN: "black",
     OURS: "tab:red",
+    MAGNIFIED: "darkred",
     "minimax regret: current solution": "tab:blue",
     "expected utility (EVOI, EUBO)": "tab:orange",
     "polyhedral (Toubia)": "tab:green",
@@ -50,7 +53,8 @@ def curves(frame: pd.DataFrame, place: str) -> Floats:
 def common(frame: pd.DataFrame) -> pd.DataFrame:
     """Return the rows of the runs in which every method took part, so that all meet the same."""
     parts = []
-    for _, part in frame.groupby("tutor", sort=False):
+    for tutor in problems.TUTORS:
+        part = frame[frame["tutor"] == tutor]
         runs = part.groupby(["problem", "seed"])["method"].transform("nunique")
         parts.append(part[runs == part["method"].nunique()])
     return pd.concat(parts)
@@ -62,6 +66,38 @@ def true_from(losses: Floats) -> Floats:
     last = losses.shape[1] - 1 - over[:, ::-1].argmax(axis=1)
     found = np.where(over.any(axis=1), last + 1.0, 0.0)
     return np.where(found >= losses.shape[1], np.inf, found)
+
+
+def summary_table(frame: pd.DataFrame) -> list[str]:
+    """Return one table of all: losses from the start, ends, false claims, and the cost."""
+    shared = common(frame)
+    shown = {"truthful": 5, "flips": 10, "eq. (6)": 10, "person": 10}
+    head = [
+        "method",
+        *(f"{tutor} after {n}" for tutor, n in shown.items()),
+        "claims",
+        "done after (truthful)",
+        *(f"false claims ({tutor})" for tutor in ("flips", "eq. (6)", "person")),
+        "ms a question",
+    ]
+    rows = []
+    for method, entry in METHODS.items():
+        mine = frame[frame["method"] == method]
+        cells = [method]
+        for tutor, n in shown.items():
+            runs = shared[(shared["tutor"] == tutor) & (shared["method"] == method)]
+            cells.append(with_interval(curves(runs, "initial")[:, n], 2) if len(runs) else "")
+        cells.append(f"1% {entry.claims}" if entry.claims else "")
+        truthful = mine[mine["tutor"] == "truthful"]
+        done = truthful.loc[truthful["done"] >= 0, "done"]
+        cells.append(with_interval(done, 1) if entry.claims and len(done) else "")
+        for tutor in ("flips", "eq. (6)", "person"):
+            found, false = false_claims(mine[mine["tutor"] == tutor], method)
+            takes_part = entry.claims and not entry.only
+            cells.append(f"{false} of {found}" if takes_part else "")
+        cells.append(f"{1000 * mine['seconds'].median():.1f}")
+        rows.append(cells)
+    return markdown(head, rows, 1)
 
 
 def loss_table(part: pd.DataFrame, place: str) -> list[str]:
@@ -127,7 +163,7 @@ def share(found: int, of: int) -> str:
 
 def claim_table(frame: pd.DataFrame) -> list[str]:
     """Return how often each claim was false, by tutor."""
-    tutors = list(dict.fromkeys(frame["tutor"]))
+    tutors = [*problems.TUTORS]
     rows = []
     for method, entry in METHODS.items():
         if not entry.claims:
@@ -194,7 +230,7 @@ def where_we_lose(part: pd.DataFrame, tutor: str) -> list[str]:
                 continue
             found = []
             for method in dict.fromkeys(part["method"]):
-                if method in (PROVEN, OURS):
+                if str(method).startswith("ours"):
                     continue
                 d = apart(part, method, ours, place)
                 better = [str(n) for n in COMPARED if sure(d[:, n]) < 0]
@@ -241,6 +277,15 @@ def report(frame: pd.DataFrame) -> Iterator[list[str]]:
         "scales and tutors. Claims are counted over all runs of the methods that make them.",
         "",
         f"Of the rows: {made_of()}",
+    ]
+    yield [
+        "## In short",
+        "",
+        "Loss from the start, in percent of the value range, after so many answers of each tutor; "
+        "what a method claims when it stops, after how many questions, and how many of its claims "
+        "were false; the median CPU time of a question.",
+        "",
+        *summary_table(frame),
     ]
     yield [
         "## Where another method loses less than ours",
@@ -319,10 +364,12 @@ def draw(frame: pd.DataFrame, path: Path) -> None:
                         continue
                     mean, n = losses.mean(axis=0), np.arange(losses.shape[1])
                     half = stats.t.ppf(0.975, len(losses) - 1) * stats.sem(losses, axis=0)
-                    wide = 2.2 if method in (OURS, PROVEN) else 1.1
-                    ax.plot(n, np.maximum(mean, 1e-3), color=colour, label=method, linewidth=wide)
+                    wide = 2.2 if method.startswith("ours") else 1.1
+                    style = "--" if method == MAGNIFIED else "-"
+                    mean = np.maximum(mean, 1e-3)
+                    ax.plot(n, mean, style, color=colour, label=method, linewidth=wide)
                     low, high = np.maximum(mean - half, 1e-3), np.maximum(mean + half, 1e-3)
-                    ax.fill_between(n, low, high, color=colour, alpha=0.12, linewidth=0)
+                    ax.fill_between(n, low, high, color=colour, alpha=0.08, linewidth=0)
                 ax.set(yscale="log", ylim=(0.01, 30), xlim=(0, len(n) - 1))
                 ax.axhline(100 * ENOUGH, color="0.6", linewidth=0.6, linestyle=":")
                 ax.spines[["top", "right"]].set_visible(False)
