@@ -1,4 +1,6 @@
-"""Chooses how much the tests try, before any of them is imported."""
+"""Chooses how much the tests try, before any of them is imported, and how many run at a time."""
+
+import os
 
 import pytest
 
@@ -7,3 +9,9 @@ from tests import thoroughness
 
 def pytest_configure(config: pytest.Config) -> None:
     thoroughness.choose(config.option.markexpr)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int:
+    """Return one more than there are cores: many tests wait for a program that they started."""
+    return len(os.sched_getaffinity(0)) + 1 if hasattr(os, "sched_getaffinity") else 3

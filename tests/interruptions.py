@@ -20,7 +20,7 @@ def interrupted_at_each_line(
 ) -> Iterator[T]:
     """Yield what ``make`` returns after a KeyboardInterrupt broke off ``act`` on it, for each line
     of the code in these folders that ``act`` runs: before that line runs for the first time, and
-    before it runs for the last time. In a quick run, at every twelfth of these moments."""
+    before it runs for the last time. In a quick run, at every twentieth of these moments."""
     code = tuple(str(_ROOT / folder) + "/" for folder in folders)
     _traced(make(), act, code, None)  # so that nothing is loaded or made for the first time below
     lines = _traced(make(), act, code, None)
@@ -28,7 +28,7 @@ def interrupted_at_each_line(
     first = {line: i for i, line in reversed([*enumerate(lines)])}
     wanted = sorted({*first.values(), *last.values()})
     assert wanted, "no line of these folders was run"
-    for i in [*wanted[: -1 : scaled(12, 1)], wanted[-1]]:
+    for i in [*wanted[: -1 : scaled(20, 1)], wanted[-1]]:
         made = make()
         try:
             _traced(made, act, code, i)

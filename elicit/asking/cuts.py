@@ -7,12 +7,21 @@ nothing: it cuts off the thin part of the plausible set in which that one differ
 takes away the parts in which several are open, and some of the rest.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from elicit._support.fixed_order import product
 from elicit._support.threads import one_thread
+from elicit.comparators.panel import Panel
 from elicit.lp.hit_and_run import Draws
-from elicit.model.comparator import Comparator, rough_bounds
+from elicit.model.comparator import (
+    Comparator,
+    best_guess,
+    draws_in,
+    rough_bounds,
+    simultaneous_bounds,
+)
 from elicit.model.difference import tail_sums
 from elicit.model.needs import Needs
 from elicit.model.query import Answers, InconsistentAnswers, Verdict
@@ -31,6 +40,10 @@ _SHARES = (
 )  # of what is plausible that a cut leaves where the answer is the likely one
 # of the bound before, or of the limit: by how much bounds may be too high where cuts are weighed
 _SLACK = 0.1
+# Cuts left after a look at the draws; after a look at so few of the greatest bounds; and for which
+# all bounds are computed.
+_DRAWN, _FEW, _BOUNDED = 16, 16, 4
+_ALL = slice(None)
 _FLAT = 1e-9  # of the longest: directions shorter than that have no room
 _GRAINS = 2.0**30  # of which a mixture of a cut is made
 
@@ -50,24 +63,102 @@ def closing_cut(
     Upper bounds ``high`` (n,) on d.e are to come down to ``limit``, and each counts by how many
     halvings it is away from that. ``draws`` say how likely each of the two answers is. The bounds
     that an answer leaves are found by telling it to the comparator, whose bounds must fall with
-    answers, as a polytope's do. Deterministic.
+    answers, as a polytope's do. That is costly with many levels. So the draws choose ``_DRAWN``
+    cuts, the greatest bounds choose ``_BOUNDED`` of these, and all bounds choose the one.
+    Deterministic.
     """
 
-    def promise(asked: Floats) -> float:
+    def promise(asked: Floats, rows: slice = _ALL) -> float:
         below = float(product(product(tail_sums(asked), draws.gaps) < 0, draws.weights))
         sides = ((below, Verdict.WORSE), (1.0 - below, Verdict.BETTER))
         rest = sum(
-            share * halvings_left(comparator, asked, verdict, d, high, limit)
+            share * halvings_left(comparator, asked, verdict, d[rows], high[rows], limit)
             for share, verdict in sides
             if share > 0
         )
-        return round(now - rest, 9)
+        return round(halvings(high[rows], limit) - rest, 9)
 
-    now = halvings(high, limit)
+    order = np.argsort(-high, kind="stable")
+    d, high = d[order], high[order]
     least = _TIMES * promise(instead)
-    found = [(promise(cut), cut) for cut in cuts_towards(draws, d, high, limit)]
+    cuts = cuts_towards(draws, d, high, limit)
+    cuts = _best(cuts, drawn_promises(cuts, draws, d, high, limit), _DRAWN)
+    if len(d) > _FEW:
+        cuts = _best(cuts, [promise(cut, slice(_FEW)) for cut in cuts], _BOUNDED)
+    found = [(promise(cut), cut) for cut in cuts]
     best, cut = max(found, key=lambda one: one[0], default=(0.0, None))  # of equals the first
     return cut if best > least else None
+
+
+def _best(cuts: list[Floats], scores: Sequence[float], most: int) -> list[Floats]:
+    """Return the cuts with the greatest scores, at most so many, of equals the first."""
+    return [cuts[i] for i in np.argsort(-np.array(scores), kind="stable")[:most]]
+
+
+def drawn_promises(
+    cuts: list[Floats], draws: Draws, d: Floats, high: Floats, limit: float
+) -> list[float]:
+    """Return an estimate of the halvings that each cut (k,) saves, from draws alone.
+
+    An answer brings a bound (n,) down in proportion to how far it brings down the greatest d.e
+    among the draws, both measured from their mean.
+    """
+    worth = product(tail_sums(d), draws.gaps)
+    mean, most = worth.mean(axis=1), worth.max(axis=1)
+    steep = (high - mean) / np.maximum(most - mean, np.finfo(float).tiny)
+    found = []
+    for cut in cuts:
+        below, rest = product(tail_sums(cut), draws.gaps) < 0, 0.0
+        for side in (below, ~below):
+            if side.any():
+                fallen = most - worth[:, side].max(axis=1)
+                with np.errstate(over="ignore", invalid="ignore"):
+                    left = np.where(fallen > 0, high - steep * fallen, high)
+                share = float(product(side.astype(float), draws.weights))
+                rest += share * halvings(left, limit)
+        found.append(round(halvings(high, limit) - rest, 9))
+    return found
+
+
+@one_thread
+def closing_cut_of_one(
+    panel: Panel, d: Floats, high: Floats, limit: float
+) -> tuple[str, Floats] | None:
+    """Return the cut (k,) that closes most of differences d (n, k), n > 0, if one member answers.
+
+    The member, who comes first, is the one whose own bounds exceed their best guess by most, by
+    weight and over all of d that are open. ``high`` (n,) are upper bounds on the mean d.e, which
+    are to come down to ``limit``. None if no cut of theirs promises anything. Deterministic.
+    """
+    open_rows = high > limit
+    own = {name: simultaneous_bounds(one, d)[0] for name, one in panel.members.items()}
+    beyond = {
+        name: panel.weights[name] * (own[name] - product(tail_sums(d), np.diff(best_guess(one))))
+        for name, one in panel.members.items()
+    }
+    name = max(panel.people, key=lambda one: round(float(beyond[one][open_rows].sum()), 9))
+    member, weight = panel.members[name], panel.weights[name]
+    draws = draws_in(member)
+    if draws is None:
+        return None
+    rest, now = high - weight * own[name], halvings(high, limit)
+
+    def promise(asked: Floats) -> float:
+        below = float(product(product(tail_sums(asked), draws[0]) < 0, draws[1]))
+        left = 0.0
+        for share, verdict in ((below, Verdict.WORSE), (1.0 - below, Verdict.BETTER)):
+            try:
+                known = member.update(Answers(asked[None], [int(verdict)])) if share > 0 else member
+            except InconsistentAnswers:
+                continue
+            slack = _SLACK * np.maximum(limit, high) / weight
+            after = np.minimum(own[name], rough_bounds(known, d, slack))
+            left += share * halvings(rest + weight * after, limit)
+        return round(now - left, 9)
+
+    found = [(promise(cut), cut) for cut in cuts_towards(Draws(*draws), d, high, limit)]
+    best, cut = max(found, key=lambda one: one[0], default=(0.0, None))  # of equals the first
+    return (name, cut) if cut is not None and best > 0 else None
 
 
 def halvings(bounds: Floats, limit: float) -> float:

@@ -58,7 +58,7 @@ def decide_by(
     it leaves open. Raises TypeError where it leaves any open and there is no ``settle``."""
     rows = np.require(d, requirements=["C", "W"])  # compiled code is made for one layout
     verdicts, tiers = np.empty(len(rows), dtype=np.int8), np.empty(len(rows), dtype=np.int8)
-    jit.expect(judge_all, 2e-4 * len(rows))
+    jit.expect(judge_all, 8e-6 * rows.size * rows.shape[1])
     with np.errstate(all="ignore"):
         left = judge_all(rows, rule, verdicts, tiers)
     if left:

@@ -40,7 +40,7 @@ from benchmarks.learning.learning_runs import Setting
 from benchmarks.learning.learning_tables import Kind, described
 from benchmarks.paper import ablation_table, assumptions, exploration, literal
 from benchmarks.paper.paired_runs import Choice, measure_all
-from benchmarks.people import answers_of_people
+from benchmarks.people import answers_of_people, gains, kinds_of_question, panel
 from benchmarks.people.repeats import of_logs
 from benchmarks.posteriors import preference_posteriors
 from benchmarks.reporting import with_interval
@@ -50,6 +50,7 @@ from elicit.people import repeated_gambles
 from qlearn.paper.claims import claims_page
 from qlearn.paper.figure_runs import figures
 from tests.report_cases import table_rows
+from tests.thoroughness import thorough
 
 PAGE = {page.name: page for page in PAGES}
 Cells: TypeAlias = list[str | None]  # of a row of a page, None for seconds and the like
@@ -144,6 +145,13 @@ def unasked(text: str) -> Iterator[str | Cells]:
     count = int(re.search(r"of (\d+) draws", text)[1])
     for name in ("career", "plant"):
         yield [*headroom.described(name, headroom.losses(name, range(count), ["even"])["even"])]
+
+
+def asked_together(text: str) -> Iterator[str | Cells]:
+    count = int(re.search(r"Seeds 0 to (\d+)", text)[1]) + 1
+    key = panel.SMALL, "independent", "never"
+    found = panel.runs(*key, range(panel.seeds_of(panel.SMALL, count)))
+    yield [*panel.described(*key, found)]
 
 
 def asked_so_far(text: str) -> Iterator[str | Cells]:
@@ -329,6 +337,23 @@ def answered_again(text: str) -> Iterator[str | Cells]:
     yield from (cells(line) for line in made if line.startswith("| 20 times"))
 
 
+def liked(text: str) -> Iterator[str | Cells]:
+    """Rows of the people whose answers are shipped."""
+    yield from gains.gamble_rows("20 times", lambda number: repeated_gambles(sets=[number]), (1,))
+
+
+def asked_of_each_kind(text: str) -> Iterator[str | Cells]:
+    """Plain questions about one family."""
+    count = int(re.search(r"over (\d+) problems", text)[1])
+    cell = {"problem": "career", "question": kinds_of_question.PLAIN}
+    runs = [
+        kinds_of_question.run(cell | {"scale": scale, "seed": seed})
+        for scale in ("even", "skewed")
+        for seed in range(kinds_of_question.FIRST, kinds_of_question.FIRST + count)
+    ]
+    yield [*kinds_of_question.row("career", kinds_of_question.PLAIN, runs, runs)]
+
+
 def claimed(text: str) -> Iterator[str | Cells]:
     yield claims_page(pd.read_csv(ROOT / "notebooks" / "data" / "figures.csv"))
 
@@ -382,9 +407,9 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("claims", claimed),
     ("assumptions", assumed, SLOW),
     ("literal", read_literally, SLOW),
-    ("exploration", explored),
+    ("exploration", explored, SLOW),
     ("ablation", ablated("polytope")),
-    ("ablation", ablated("posterior")),
+    ("ablation", ablated("posterior"), SLOW),
     ("RESULTS-certified", certified("k = 5", "value iteration", certificates.NEVER), SLOW),
     ("RESULTS-certified", certified("k = 5", "policy iteration", certificates.NEVER), SLOW),
     ("RESULTS-certified", certified("ICU-Sepsis", "policy iteration", certificates.FLIPS), SLOW),
@@ -393,10 +418,10 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("RESULTS-questions", questions("certify, max regret", "posterior", 0.1), SLOW),
     ("RESULTS-question-rules", ruled, SLOW),
     ("about-equal", equal, SLOW),
-    ("RESULTS-headroom", unasked),
+    ("RESULTS-headroom", unasked, SLOW),
     ("RESULTS-loss", asked_so_far, SLOW),
     ("RESULTS-contest", contested),
-    ("RESULTS-cuts", cut),
+    ("RESULTS-cuts", cut, SLOW),
     ("RESULTS-wrong", wrong, SLOW),
     ("RESULTS-sessions", sessions, SLOW),
     ("RESULTS-scale", scale, SLOW),
@@ -406,9 +431,12 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("RESULTS-bradley-terry", fits),
     ("RESULTS-posteriors", believed, SLOW),
     ("RESULTS-people", answered_again),
+    ("RESULTS-people-gains", liked),
+    ("RESULTS-panel", asked_together, SLOW),
+    ("RESULTS-kinds", asked_of_each_kind, SLOW),
     ("RESULTS", learned, SLOW),
     ("RESULTS-ivi", swept, SLOW),
-    ("RESULTS-lp", streams),
+    ("RESULTS-lp", streams, SLOW),
     ("RESULTS-training", trained("random MDP, k = 5, truthful"), SLOW),
     ("RESULTS-training", trained("deep-sea-treasure, hidden weights"), SLOW),
     ("dqn_terrain", walked, SLOW),
@@ -416,6 +444,7 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
 NOT_AGAIN = {
     "RESULTS-ivi-huge": "its least row of ours takes a minute and a half, and 2 GiB",
     "RESULTS-cold": "it has nothing but seconds",
+    "RESULTS-promise": "each of its rows is of some hundred runs",
     **{
         page.name: "tests/whole/test_notebooks.py runs them"
         for page in PAGES
@@ -436,6 +465,8 @@ def test_some_rows_of_every_page_are_made_again_or_it_is_said_why_not():
 )
 def test_rows_made_again_have_the_digits_of_their_page(name, again):
     page = PAGE[name]
+    if page.state != "current" and not thorough():  # its rows may well differ: no news
+        pytest.xfail(f"{page.path} is {page.state}: make evidence")
     text = (ROOT / page.path).read_text(encoding="utf-8")
     rows = list(csv.reader(io.StringIO(text))) if page.path.endswith(".csv") else table_rows(text)
     made = list(again(text))

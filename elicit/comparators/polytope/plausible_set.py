@@ -40,8 +40,6 @@ from elicit.model.difference_kernel import UNSETTLED, to_order_one
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats, order_bounds
 
-_AT_ONCE = 32  # rows walked together, so that the vertices of all their walks can be stored
-
 
 class Empty(ValueError):
     """Error raised if no point satisfies the rows of ``region``.
@@ -144,31 +142,27 @@ class PlausibleSet:
         They are tight to 1e-9 |d|_1. A positive bound may be loose by ``slack``, a float or (n,),
         if that is more. The vertices that walks find give the bounds, and Clarabel the rest.
         """
-        high, slack = greatest(d, self._known), np.broadcast_to(slack, len(d))
+        high, reached = greatest(d, self._known)
+        slack = np.broadcast_to(slack, len(d))
         if len(self.region.rows):
-            loose = self._not_reached(d, high, np.arange(len(d)), slack)
-            for start in range(0, len(loose), _AT_ONCE):
-                # most are tight, but the vertex that showed it was replaced by those of other rows:
-                # walk again
-                some = loose[start : start + _AT_ONCE]
-                high[some] = np.minimum(high[some], greatest(d[some], self._known))
-                for i in self._not_reached(d, high, some, slack):
-                    high[i] = min(high[i], -float(self._least(-d[i : i + 1], slack[i])[0]))
+            if len(rows := self._loose(d, high, reached, slack)):
+                # a walk can fail where another, from a vertex found since, does not
+                again, reached[rows] = greatest(d[rows], self._known)
+                high[rows] = np.minimum(high[rows], again)
+            for i in self._loose(d, high, reached, slack):
+                high[i] = min(high[i], -float(self._least(-d[i : i + 1], slack[i])[0]))
         return high
 
-    def _not_reached(
-        self, d: Floats, high: Floats, rows: NDArray[np.int64], slack: Floats
-    ) -> NDArray[np.int64]:
-        """Return the rows of d whose positive upper bound (n,) no known point shows to be tight.
+    def _loose(self, d: Floats, high: Floats, reached: Floats, slack: Floats) -> NDArray[np.int64]:
+        """Return the rows of d whose positive upper bound (n,) is not seen to be tight.
 
-        A bound within the slack (n,) counts as tight.
+        Neither ``reached`` (n,) nor a known point comes near to it: within the slack (n,).
         """
+        near = np.maximum(1e-9 * np.abs(d).sum(axis=1), slack)
+        rows = np.flatnonzero((high > 0) & ~(high - reached <= near))
         points = self._known.points[:, : self._known.counts[USED]]
-        rows = rows[high[rows] > 0]
-        reached = product(tail_sums(d[rows]), points).max(axis=1, initial=-np.inf)
-        loose: NDArray[np.bool_] = high[rows] - reached > np.maximum(
-            1e-9 * np.abs(d[rows]).sum(axis=1), slack[rows]
-        )
+        most = product(tail_sums(d[rows]), points).max(axis=1, initial=-np.inf)
+        loose: NDArray[np.bool_] = ~(high[rows] - most <= near[rows])
         return rows[loose]
 
     def _cut(self, row: Floats, rhs: Floats, owner: NDArray[np.int64]) -> PlausibleSet:

@@ -25,7 +25,7 @@ from qlearn.learners.query_strategies import most_even_cut
 from qlearn.mdp.planning import evaluate_policy, policy_loss, value_iteration
 from qlearn.problems.random_mdp import random_mdp
 from tests.mdp_cases import losses_under, messy_mdp
-from tests.thoroughness import examples
+from tests.thoroughness import examples, scaled
 
 
 def solve(mdp, comparator, tutor, **settings):
@@ -67,7 +67,7 @@ def test_an_error_in_the_values_counts_in_every_step(comparator):
 )
 @pytest.mark.parametrize("wrong", [0.0, 0.01, 0.3])
 def test_the_bound_holds_for_values_made_wrong_on_purpose(comparator, wrong):
-    for seed in range(6):
+    for seed in range(scaled(2, 6)):
         mdp = (random_mdp(15, 3, 3, discount=0.9, rng=seed) if seed % 2 else messy_mdp(seed, k=3))[
             0
         ]

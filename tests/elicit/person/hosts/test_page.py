@@ -459,7 +459,8 @@ ODD_WORDS = Words(
 )
 
 
-@pytest.mark.parametrize("total", [30, pytest.param(2_000_000, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("total", [30, 2_000_000])
 def test_odd_names_many_levels_and_large_numbers_are_only_shown(
     windows: Windows, total: int
 ) -> None:
