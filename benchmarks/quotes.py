@@ -25,7 +25,15 @@ PAGES = (
     ROOT / "README.md",
     *(
         ROOT / "docs" / f"{name}.md"
-        for name in ("before-you-ask", "choosing", "evidence", "families", "options", "paper")
+        for name in (
+            "before-you-ask",
+            "choosing",
+            "contest",
+            "evidence",
+            "families",
+            "options",
+            "paper",
+        )
     ),
 )
 ALL = "all lines"
