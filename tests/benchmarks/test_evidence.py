@@ -30,7 +30,7 @@ from benchmarks.asking import (
     question_rules,
     wrong_answers,
 )
-from benchmarks.comparing import comparison_cost
+from benchmarks.comparing import comparison_cost, families_and_rules
 from benchmarks.contest import redraw
 from benchmarks.evidence import PAGES, ROOT
 from benchmarks.fitting import calibration, calibration_questions, fit_cost
@@ -152,6 +152,16 @@ def asked_together(text: str) -> Iterator[str | Cells]:
     key = panel.SMALL, "independent", "never"
     found = panel.runs(*key, range(panel.seeds_of(panel.SMALL, count)))
     yield [*panel.described(*key, found)]
+
+
+def by_every_rule(text: str) -> Iterator[str | Cells]:
+    count = int(re.search(r"over (\d+) problems", text)[1])
+    runs = [
+        families_and_rules.run({"problem": "career", "kind": kind, "seed": seed})
+        for seed in range(families_and_rules.FIRST, families_and_rules.FIRST + count)
+        for kind in families_and_rules.KINDS
+    ]
+    yield [*families_and_rules.row("career", runs)]
 
 
 def asked_so_far(text: str) -> Iterator[str | Cells]:
@@ -433,6 +443,7 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("RESULTS-people", answered_again),
     ("RESULTS-people-gains", liked),
     ("RESULTS-panel", asked_together, SLOW),
+    ("RESULTS-families", by_every_rule, SLOW),
     ("RESULTS-kinds", asked_of_each_kind, SLOW),
     ("RESULTS", learned, SLOW),
     ("RESULTS-ivi", swept, SLOW),
