@@ -117,6 +117,7 @@ PAGES = (  # a notebook after the tables that it reads
     results("RESULTS-loss", "asking.loss_by_questions", 10),
     results("RESULTS-cuts", "asking.cuts_and_pairs --journal results/cuts.jsonl", 15),
     results("RESULTS-wrong", "asking.wrong_answers --journal results/wrong.jsonl", 30),
+    results("RESULTS-kinds", "people.kinds_of_question --journal results/kinds.jsonl", 8),
     results("RESULTS-sessions", "asking.person_sessions", 10, "browser"),
     results("RESULTS-scale", "asking.certify_at_scale --huge", 15),
     results(
@@ -157,6 +158,7 @@ PAGES = (  # a notebook after the tables that it reads
     notebook("06_fewer_questions", 2),
     notebook("07_you_are_the_tutor", 1),
     notebook("08_beyond_tables", 2),
+    notebook("09_medical_scales", 1),
 )
 
 

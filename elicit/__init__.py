@@ -10,9 +10,12 @@ if TYPE_CHECKING:
     from elicit.comparators.baselines import AlwaysAsk, Dominance
     from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
     from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
+    from elicit.comparators.panel import Panel
     from elicit.comparators.polytope.comparator import PolytopeComparator
+    from elicit.comparators.polytope.open_order import OpenOrderComparator
     from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
     from elicit.decision.verdicts import decide
+    from elicit.diagnostics.agreement import Agreement, agreement
     from elicit.diagnostics.held_out import compare_held_out, held_out
     from elicit.diagnostics.tutor_report import tutor_report
     from elicit.lp.prior_inequalities import Inequality, inequalities, inequality
@@ -28,6 +31,7 @@ if TYPE_CHECKING:
     from elicit.person.session import Session
     from elicit.person.showing import Words
     from elicit.tutors.answer_log import AnswerLog
+    from elicit.tutors.panel import PanelTutor
     from elicit.tutors.person import PersonTutor
     from elicit.tutors.replay import ReplayTutor
     from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
@@ -39,9 +43,12 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.comparators.baselines": ["AlwaysAsk", "Dominance"],
     "elicit.comparators.bradley_terry.bootstrap_comparator": ["BradleyTerryComparator"],
     "elicit.comparators.bradley_terry.particle_comparator": ["PosteriorComparator"],
+    "elicit.comparators.panel": ["Panel"],
     "elicit.comparators.polytope.comparator": ["PolytopeComparator"],
+    "elicit.comparators.polytope.open_order": ["OpenOrderComparator"],
     "elicit.comparators.polytope.relaxed_comparator": ["RelaxedPolytopeComparator"],
     "elicit.decision.verdicts": ["decide"],
+    "elicit.diagnostics.agreement": ["Agreement", "agreement"],
     "elicit.diagnostics.held_out": ["compare_held_out", "held_out"],
     "elicit.diagnostics.tutor_report": ["tutor_report"],
     "elicit.lp.prior_inequalities": ["Inequality", "inequalities", "inequality"],
@@ -63,6 +70,7 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.model.difference": ["as_differences"],
     "elicit.model.scale_variable": ["scale_variable"],
     "elicit.model.tutor": ["Tutor"],
+    "elicit.tutors.panel": ["PanelTutor"],
     "elicit.tutors.person": ["PersonTutor"],
     "elicit.tutors.replay": ["ReplayTutor"],
     "elicit.tutors.simulated": ["BradleyTerryTutor", "FlippingTutor", "TruthfulTutor"],
@@ -82,6 +90,7 @@ _MODULES = {  # to be written as elicit.graph.cycles, say, after import elicit a
 }
 
 __all__ = [
+    "Agreement",
     "AlwaysAsk",
     "Answer",
     "AnswerLog",
@@ -97,6 +106,9 @@ __all__ = [
     "Inequality",
     "Interview",
     "Needs",
+    "OpenOrderComparator",
+    "Panel",
+    "PanelTutor",
     "PersonTutor",
     "PolytopeComparator",
     "PosteriorComparator",
@@ -112,6 +124,7 @@ __all__ = [
     "Tutor",
     "Verdict",
     "Words",
+    "agreement",
     "as_differences",
     "choose",
     "compare_held_out",

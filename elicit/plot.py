@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     import networkx as nx
     from matplotlib.axes import Axes
 
+    from elicit.diagnostics.agreement import Agreement
     from elicit.diagnostics.preference_graph import Cycle
 
 STYLES: dict[str, dict[str, Any]] = {name: entry.look for name, entry in COMPARATORS.items()}
@@ -37,6 +38,8 @@ _OTHERS: tuple[dict[str, Any], ...] = (  # styles of other comparators, in their
     {"color": "#44AA99", "marker": "d", "linestyle": (0, (1, 1, 4, 1))},
     {"color": "#666666", "marker": "8", "linestyle": (0, (9, 1.5))},
 )
+_GROUPS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#666666")  # told apart by the colour-blind
+_MARKERS = "os^Dv<>ph*"
 _FAINTER = tuple({name: style[name] for name in ("marker", "linestyle")} for style in _OTHERS)
 _TRUE: dict[str, Any] = {
     "marker": "*", "markersize": 15, "color": "black", "markerfacecolor": "#F0E442",
@@ -389,6 +392,46 @@ def scale_intervals(
     ax.spines[["top", "right", "left"]].set_visible(False)
     if len(handles) > 1 or isinstance(comparators, Mapping):
         _legend_above(ax, handles)
+    return ax
+
+
+def agreement(found: Agreement, ax: Axes | None = None) -> Axes:
+    """Draw each person's interval of each level's value, and their best guess, side by side.
+
+    People of one group stand together and have one colour.
+
+    Parameters
+    ----------
+    found : Agreement
+        The result of ``elicit.agreement``.
+    ax : matplotlib Axes, optional
+
+    Returns
+    -------
+    Axes
+    """
+    k, n = len(found.labels), len(found.people)
+    step = min(0.16, 0.8 / n)
+    ax = _axes(ax, (6.8, 1.2 + k * max(0.4, 0.14 * n)))
+    from matplotlib.lines import Line2D
+
+    rows, handles = np.arange(k), []
+    order = [(group, name) for group, names in enumerate(found.groups) for name in names]
+    for i, (group, name) in enumerate(order):
+        who = found.people.index(name)
+        colour = _GROUPS[group % len(_GROUPS)]
+        marker = _MARKERS[i % len(_MARKERS)]
+        at = rows + ((n - 1) / 2 - i) * step
+        ax.hlines(at, found.low[who], found.high[who], color=colour, linewidth=2, zorder=1)
+        ax.plot(found.values[who], at, marker, color=colour, markersize=6, zorder=2)
+        label = name if len(found.groups) == 1 else f"{name} (group {group + 1})"
+        handles.append(Line2D([], [], color=colour, marker=marker, linewidth=2, label=label))
+    ax.set_yticks(rows, list(found.labels))
+    ax.set(ylim=(-0.6, k - 0.4), xlim=(-0.02, 1.02), xlabel=f"value ({_unit(k)})")
+    ax.tick_params(axis="y", length=0)
+    ax.hlines(rows[1:] - 0.5, 0, 1, color="0.9", linewidth=0.7, zorder=0)
+    ax.spines[["top", "right", "left"]].set_visible(False)
+    _legend_above(ax, handles)
     return ax
 
 

@@ -49,6 +49,7 @@ from elicit.model.comparator import (
     is_comparator,
     offers,
     simultaneous_bounds,
+    unordered_of,
 )
 from elicit.model.difference import dominance, tail_sums
 from elicit.model.query import Answer, Answers, Query, Verdict
@@ -230,10 +231,13 @@ def _check_values(comparator: Comparator) -> None:
     values, k = np.asarray(comparator.values), comparator.k
     _say(values.shape == (k,), f"values must have shape ({k},), not {values.shape}")
     _say(
-        abs(values[0]) <= 1e-9 and abs(values[-1] - 1) <= 1e-9,
+        abs(values.min()) <= 1e-9 and abs(values.max() - 1) <= 1e-9,
         f"values must run from 0 to 1, not {values}",
     )
-    _say((np.diff(values) >= 0).all(), f"values must not decrease: {values}")
+    rising = np.diff(values) >= 0
+    if (open_step := unordered_of(comparator)) is not None:
+        rising[open_step[0]] = True
+    _say(rising.all(), f"values must not decrease: {values}")
     _say((comparator.values == values).all(), "values must be the same each time")
 
 
@@ -294,7 +298,7 @@ def _check_verdicts(comparator: Comparator, d: Floats) -> None:
     alone = (
         isinstance(rule, Rule) and rule.kind != NOTHING and not rule.dominance
     )  # with NOTHING ``settle`` decides
-    if alone:
+    if alone or unordered_of(comparator) is not None:
         plain = np.where(plain == Verdict.EQUAL, plain, np.int8(Verdict.UNKNOWN))
     settled = plain != Verdict.UNKNOWN
     _same(
@@ -406,6 +410,13 @@ def _check_settings(comparator: Comparator) -> None:
             is_whole(known.wrong, 0),
             f"wrong must be a whole number of at least 0, not {known.wrong!r}",
         )
+    if offers(known, "unordered"):
+        pair, k = known.unordered, comparator.k
+        right = isinstance(pair, tuple) and len(pair) == 2 and all(is_whole(x, 0) for x in pair)
+        _say(
+            right and pair[1] == pair[0] + 1 < k,
+            f"unordered must be two neighbouring levels below {k}, such as (0, 1), not {pair!r}",
+        )
     if offers(known, "cells"):
         cells = known.cells
         right = len(cells) > 0 and all(
@@ -417,12 +428,30 @@ def _check_settings(comparator: Comparator) -> None:
         )
         total = sum(cell.weight for cell in cells)
         _say(abs(total - 1.0) <= 1e-9, f"the weights of the cells must total 1, not {total}")
+    if offers(known, "people"):
+        _check_people(known)
+    elif offers(known, "whom"):
+        _say(False, "whom goes with people, the names of those who may be asked")
     if offers(known, "answers"):
         right = isinstance(known.answers, Answers) and known.answers.k == comparator.k
         _say(
             right,
             f"answers must be elicit.Answers over k = {comparator.k} levels, not {known.answers!r}",
         )
+
+
+def _check_people(known: Any) -> None:
+    """Check the names of those who answer, and whom of them is asked what."""
+    people, k = known.people, known.k
+    named = all(isinstance(name, str) and name for name in people)
+    right = len(people) and named and len({*people}) == len(people)
+    _say(right, f"people must be names, at least one and each once, not {people!r}")
+    _say(offers(known, "whom"), "people goes with whom(d, besides), which says whom to ask")
+    asked = known.whom(np.eye(k)[-1] - 2.0 * np.eye(k)[k // 2], ())
+    right = asked is None or (asked.who in people and np.shape(asked.d) == (k,))
+    _say(right, f"whom(d) must be a PersonAsked of one of {people!r} and d ({k},), not {asked!r}")
+    nobody = known.whom(np.eye(k)[-1] - np.eye(k)[0], people)
+    _say(nobody is None, f"whom(d, besides=people) must be None, not {nobody!r}")
 
 
 def _check_all_at_once(comparator: Comparator, d: Floats) -> None:

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from qlearn.environments.rollout_shares import RolloutShares
     from qlearn.environments.rollouts import rollout_shares
     from qlearn.experiments.loss_history import LossHistory
+    from qlearn.learners.expected_bounds import ExpectedBounds, expected_bounds
     from qlearn.learners.learner import Learner, Result, drive
     from qlearn.learners.policy_iteration import InteractivePolicyIteration
     from qlearn.learners.q_learning import InteractiveQLearning
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from qlearn.mdp.equal_gaps import UnaskedLoss, equal_gaps_policy, unasked_loss
     from qlearn.mdp.ordinal_mdp import OrdinalMDP
     from qlearn.mdp.planning import evaluate_policy, policy_loss, value_iteration
+    from qlearn.panel.following import Following, cost_of_following
+    from qlearn.panel.worst_off import WorstOffPolicy, policy_for_the_worst_off
     from qlearn.problems.hidden_scales import hidden_scales
     from qlearn.problems.icu_sepsis import icu_sepsis
     from qlearn.problems.random_mdp import draw_values, random_mdp
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
 _NAMES = {  # imported when first used, so that the command line starts fast
     "elicit.asking.elicitation": ("Audit",),
     "elicit.model.outcomes": ("Status",),
+    "qlearn.learners.expected_bounds": ("ExpectedBounds", "expected_bounds"),
     "qlearn.environments.level_rewards": ("LevelVector", "OrdinalReward"),
     "qlearn.environments.rollout_shares": ("RolloutShares",),
     "qlearn.environments.rollouts": ("rollout_shares",),
@@ -42,6 +46,8 @@ _NAMES = {  # imported when first used, so that the command line starts fast
     "qlearn.mdp.equal_gaps": ("UnaskedLoss", "equal_gaps_policy", "unasked_loss"),
     "qlearn.mdp.ordinal_mdp": ("OrdinalMDP",),
     "qlearn.mdp.planning": ("evaluate_policy", "policy_loss", "value_iteration"),
+    "qlearn.panel.following": ("Following", "cost_of_following"),
+    "qlearn.panel.worst_off": ("WorstOffPolicy", "policy_for_the_worst_off"),
     "qlearn.problems.hidden_scales": ("hidden_scales",),
     "qlearn.problems.icu_sepsis": ("icu_sepsis",),
     "qlearn.problems.random_mdp": ("draw_values", "random_mdp"),
@@ -64,6 +70,8 @@ _MODULES = {  # to be written as qlearn.strategies.max_regret, say
 
 __all__ = [
     "Audit",
+    "ExpectedBounds",
+    "Following",
     "Guarantee",
     "InteractivePolicyIteration",
     "InteractiveQLearning",
@@ -82,13 +90,17 @@ __all__ = [
     "TrainedPolicy",
     "TrainingResult",
     "UnaskedLoss",
+    "WorstOffPolicy",
+    "cost_of_following",
     "draw_values",
     "drive",
     "equal_gaps_policy",
     "evaluate_policy",
+    "expected_bounds",
     "hidden_scales",
     "icu_sepsis",
     "loss_bound",
+    "policy_for_the_worst_off",
     "policy_loss",
     "random_mdp",
     "rollout_shares",

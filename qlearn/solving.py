@@ -10,14 +10,15 @@ from elicit._support.seeds import seed_of
 from elicit.model.comparator import Comparator
 from elicit.model.tutor import check_tutor_made
 from elicit.tutors.answer_log import AnswerLog
+from elicit.tutors.panel import PanelTutor
 from qlearn.experiments.catalogue import COMPARATORS, LEARNERS
-from qlearn.learners.learner import Result, TutorLike, check_problem, drive
+from qlearn.learners.learner import Result, Tutors, check_problem, drive
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 
 def solve(
     mdp: OrdinalMDP,
-    tutor: TutorLike,
+    tutor: Tutors,
     comparator: str | Comparator = "posterior",
     tolerance: float = 0.01,
     seed: Seed | None = None,
@@ -35,7 +36,8 @@ def solve(
         The problem, whose rewards are levels of an ordinal scale.
     tutor
         Any function from a ``Query`` to an ``Answer``, or to a verdict on the query's left vector:
-        a ``Verdict``, or 1, 0, -1. To say "cannot tell", return ``Answer(query, None)``.
+        a ``Verdict``, or 1, 0, -1. To say "cannot tell", return ``Answer(query, None)``. For an
+        ``elicit.Panel``, the tutor of each person by name: ``{"ann": tutor, "ben": another}``.
     comparator
         Decides comparisons from the answers so far. ``"posterior"`` is for a tutor who may err.
         ``"polytope"`` is for a tutor who never errs: it proves what it says. ``"ensemble"``,
@@ -52,7 +54,8 @@ def solve(
         run with their default settings.
     max_queries
         Largest number of questions. Comparisons still open after it follow the best guess at the
-        scale, and the result's status says so. ``None``: no limit.
+        scale, and the result's status says so. ``None``: no limit. ``expected_bounds`` says what
+        so many questions are likely to prove.
     log
         Receives every answer before the learner does. Answers that it already holds are used, and
         not asked again.
@@ -86,6 +89,7 @@ def solve(
         result = qlearn.drive(learner, tutor)
     """
     _check_mdp(mdp)
+    tutor = PanelTutor(tutor) if isinstance(tutor, Mapping) else tutor
     check_tutor_made(tutor, mdp.k)
     key = seed_of(seed)
     knows = _named(comparator, key, mdp.k)

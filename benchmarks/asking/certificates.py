@@ -42,12 +42,15 @@ from qlearn import (
     InteractivePolicyIteration,
     InteractiveValueIteration,
     OrdinalMDP,
+    equal_gaps_policy,
     policy_loss,
     random_mdp,
+    unasked_loss,
 )
 from qlearn.experiments.parallel import Cell, sweep
 from qlearn.experiments.run import TUTORS, of_precision
 from qlearn.learners.learner import Learner, Result
+from qlearn.mdp.planning import Actions
 from qlearn.problems.icu_sepsis import icu_sepsis
 from qlearn.problems.random_mdp import draw_values
 
@@ -69,7 +72,8 @@ ERRING: Mapping[str, Made] = {
     "eq. (6), 10%": lambda mdp, values, seed: TUTORS["logistic"](mdp, values, ERROR, seed),
 }
 """The tutors who err, by what the page calls them."""
-HEAD = ("problem", "learner", "tutor errs", "tolerance", "problems", "questions", "at most",
+HEAD = ("problem", "learner", "tutor errs", "tolerance", "problems", "asked nothing",
+        "questions", "at most",
         "spent", "kept",
         "answers wrong", "wait")  # fmt: skip
 ABOUT = f"""\
@@ -82,6 +86,8 @@ state: proven with the polytope, at 95% with the posterior.
   policy. These are the tutors "c=1" and "10%" of `qlearn figures`.
 - With a tutor who errs the posterior is as it comes: told neither how she errs nor how often, nor of eq. (6) its c. The
   same problems, for all tutors. {BUDGET:,} questions at most.
+- *asked nothing*: true loss at the worst state, in percent of the value range, of the policy that is best if all gaps
+  between levels are equal: mean with its 95% t-interval.
 - *questions*: mean with its 95% t-interval; *at most*: the most in one run; *spent*: runs that ended because the
   {BUDGET:,} were asked.
 - *kept*: runs whose true loss at the worst state is within the bound that was stated, with the exact 95% interval.
@@ -123,6 +129,12 @@ def problem(name: str, seed: int) -> tuple[OrdinalMDP, Floats]:
 _icu = cache(icu_sepsis)
 
 
+@cache
+def _icu_unasked() -> Actions:
+    """Return the policy of equal gaps on ICU-Sepsis, whose MDP is always the same."""
+    return equal_gaps_policy(_icu())
+
+
 def certify(cell: Cell) -> Row:
     """One learner on one problem: questions, whether it spent its budget, whether its bound was
     kept, the wrong answers, and the waits for questions in ms."""
@@ -148,6 +160,9 @@ def certify(cell: Cell) -> Row:
         "asked": result.asked,
         "spent": result.status is Status.GUESSED,
         "kept": bool(policy_loss(mdp, result.policy, values).max() <= result.loss_bound + 1e-12),
+        "unasked": unasked_loss(
+            mdp, values, _icu_unasked() if cell["problem"] == ICU else None
+        ).worst,
         "wrong": round(result.asked * tutor.realised_error_rate) if result.asked else 0,
         "waits": waits,
     }
@@ -170,6 +185,7 @@ def line(cell: Cell, rows: Sequence[Row]) -> list[str]:
         cell["errs"],
         f"{100 * tolerance(cell):g}%",
         f"{n}",
+        with_interval([100 * row["unasked"] for row in rows], 1),
         with_interval(asked, 1),
         f"{max(asked)}",
         f"{sum(row['spent'] for row in rows)}",

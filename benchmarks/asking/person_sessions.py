@@ -18,6 +18,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,8 +27,9 @@ import numpy as np
 from benchmarks.reporting import machine, markdown, publish, with_interval
 from elicit import AnswerLog, Interview, Session
 from elicit.model.scale import Floats
-from qlearn import icu_sepsis, policy_loss
+from qlearn import equal_gaps_policy, icu_sepsis, policy_loss, unasked_loss
 from qlearn.cli.teach_subjects import taught_by
+from qlearn.mdp.planning import Actions
 
 PROBLEM, DAYS, READING = "icu-sepsis", 10, 1.0  # seconds that she reads
 Person = Callable[[dict[str, Any]], str]
@@ -46,13 +48,14 @@ class Setting(NamedTuple):
 
 class Run(NamedTuple):
     """What came out of a session: answers, repeats not counted; the bound that is said, its
-    confidence; the loss.
+    confidence; the loss; and the loss of asking nothing.
     """
 
     answered: int
     bound: float
     confidence: float
     loss: float
+    unasked: float
 
 
 SETTINGS = (
@@ -74,6 +77,7 @@ HEAD = (
     "turned round",
     "equal within",
     "runs",
+    "asked nothing",
     "questions",
     "least",
     "median",
@@ -142,7 +146,14 @@ def session(setting: Setting, number: int) -> Run:
             screen = interview.handle(_reply(screen, says))
         result = one.result()
     loss = float(policy_loss(mdp, result.policy, values).max())
-    return Run(screen["answered"], result.loss_bound, result.confidence, loss)
+    unasked = unasked_loss(mdp, values, _equal_gaps()).worst
+    return Run(screen["answered"], result.loss_bound, result.confidence, loss, unasked)
+
+
+@cache
+def _equal_gaps() -> Actions:
+    """Return the policy of somebody who asks nobody."""
+    return equal_gaps_policy(icu_sepsis())
 
 
 def row_of(setting: Setting, runs: list[Run]) -> list[str]:
@@ -153,6 +164,7 @@ def row_of(setting: Setting, runs: list[Run]) -> list[str]:
         *_named(setting)[:3],
         f"{setting.tie:g}",
         f"{len(runs)}",
+        with_interval([run.unasked for run in runs], 4),
         with_interval(asked, 1),
         f"{min(asked)}",
         f"{np.median(asked):g}",
@@ -233,7 +245,8 @@ def report(scales: int, browser: str) -> Iterator[list[str]]:
         "questions, which are left "
         "out here. Hidden scales with uniform spacings, one a run. Questions: mean with its 95% "
         "interval, least, "
-        "median, most. Bound and loss are shares of the value range, from all died to all "
+        "median, most. *Asked nothing*: loss of the policy that is best if all gaps between levels "
+        "are equal, mean. Bound and losses are shares of the value range, from all died to all "
         "recovered."
     ]
     rows = (

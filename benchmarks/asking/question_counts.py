@@ -29,7 +29,7 @@ from benchmarks.asking.rival_rules import RIVAL_RULES
 from benchmarks.reporting import save, with_interval
 from benchmarks.stamps import sources
 from elicit.model.scale import Floats
-from qlearn import strategies
+from qlearn import strategies, unasked_loss
 from qlearn.certificates.loss_bound import loss_bound
 from qlearn.experiments.parallel import Cell, sweep
 from qlearn.learners.learner import Learner
@@ -236,10 +236,17 @@ def report(done: Sequence[tuple[Row, Row]]) -> str:
         lines += ["", f"## {environment}, {100 * error:.0f}% of the answers flipped", ""]
         lines += ["| learner | comparator | asked | " + " | ".join(map(str, GRID)) + " |"]
         lines += ["|---|---|---|" + "---|" * len(GRID)]
+        lines += [nobody_asked(environment, range(seeds))]
         for key, rows in groups.items():
             if key[:2] == (environment, error):
                 lines += [line(key[3], key[2], rows)]
     return "\n".join([*lines, "", *_closing(groups)]) + "\n"
+
+
+def nobody_asked(environment: str, seeds: Sequence[int]) -> str:
+    """A row of the tables for asking nothing: acting as if all gaps between levels were equal."""
+    loss = 100 * np.mean([unasked_loss(*problem(environment, seed)).worst for seed in seeds])
+    return f"| asked nothing | equal gaps | 0 | {loss:.2f} |" + " |" * (len(GRID) - 1)
 
 
 def line(method: str, comparator: str, rows: Sequence[Row]) -> str:

@@ -211,7 +211,7 @@ HEAD = (
     "loss %",
     "worst",
     "bound kept",
-    "equal gaps lose",
+    "asked nothing",
     "ends",
 )
 
@@ -259,7 +259,7 @@ def report(problems: int) -> Iterator[list[str]]:
         "on the true "
         "values (below 0: better than that, by chance). *Bound kept*: of the runs with a finite "
         "bound, those that "
-        "lose no more. *Equal gaps lose*: what training on the guess of equal gaps (objectives: "
+        "lose no more. *Asked nothing*: what training on the guess of equal gaps (objectives: "
         "equal weights) "
         "loses, on average and at most. *Ends*: the statuses. Exact trainings state a gap of 0; "
         "the tile-coded "

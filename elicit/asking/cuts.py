@@ -13,8 +13,15 @@ import numpy as np
 
 from elicit._support.fixed_order import product
 from elicit._support.threads import one_thread
+from elicit.comparators.panel import Panel
 from elicit.lp.hit_and_run import Draws
-from elicit.model.comparator import Comparator, rough_bounds
+from elicit.model.comparator import (
+    Comparator,
+    best_guess,
+    draws_in,
+    rough_bounds,
+    simultaneous_bounds,
+)
 from elicit.model.difference import tail_sums
 from elicit.model.needs import Needs
 from elicit.model.query import Answers, InconsistentAnswers, Verdict
@@ -111,6 +118,47 @@ def drawn_promises(
                 rest += share * halvings(left, limit)
         found.append(round(halvings(high, limit) - rest, 9))
     return found
+
+
+@one_thread
+def closing_cut_of_one(
+    panel: Panel, d: Floats, high: Floats, limit: float
+) -> tuple[str, Floats] | None:
+    """Return the cut (k,) that closes most of differences d (n, k), n > 0, if one member answers.
+
+    The member, who comes first, is the one whose own bounds exceed their best guess by most, by
+    weight and over all of d that are open. ``high`` (n,) are upper bounds on the mean d.e, which
+    are to come down to ``limit``. None if no cut of theirs promises anything. Deterministic.
+    """
+    open_rows = high > limit
+    own = {name: simultaneous_bounds(one, d)[0] for name, one in panel.members.items()}
+    beyond = {
+        name: panel.weights[name] * (own[name] - product(tail_sums(d), np.diff(best_guess(one))))
+        for name, one in panel.members.items()
+    }
+    name = max(panel.people, key=lambda one: round(float(beyond[one][open_rows].sum()), 9))
+    member, weight = panel.members[name], panel.weights[name]
+    draws = draws_in(member)
+    if draws is None:
+        return None
+    rest, now = high - weight * own[name], halvings(high, limit)
+
+    def promise(asked: Floats) -> float:
+        below = float(product(product(tail_sums(asked), draws[0]) < 0, draws[1]))
+        left = 0.0
+        for share, verdict in ((below, Verdict.WORSE), (1.0 - below, Verdict.BETTER)):
+            try:
+                known = member.update(Answers(asked[None], [int(verdict)])) if share > 0 else member
+            except InconsistentAnswers:
+                continue
+            slack = _SLACK * np.maximum(limit, high) / weight
+            after = np.minimum(own[name], rough_bounds(known, d, slack))
+            left += share * halvings(rest + weight * after, limit)
+        return round(now - left, 9)
+
+    found = [(promise(cut), cut) for cut in cuts_towards(Draws(*draws), d, high, limit)]
+    best, cut = max(found, key=lambda one: one[0], default=(0.0, None))  # of equals the first
+    return (name, cut) if cut is not None and best > 0 else None
 
 
 def halvings(bounds: Floats, limit: float) -> float:

@@ -7,8 +7,8 @@ asking a pair twice, and the counts.
 """
 
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from os import PathLike
 from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias, Unpack, cast
 
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support import jit
+from elicit._support.fixed_order import product
 from elicit._support.hashing import key_of
 from elicit._support.seeds import seed_of
 from elicit._support.validation import is_list, is_number, is_whole, require
@@ -45,7 +46,9 @@ from elicit.model.comparator import (
     check_answers,
     learn,
     offers,
+    people_of,
     tie_of,
+    whom_of,
     wrong_of,
 )
 from elicit.model.difference import tail_sums
@@ -55,6 +58,9 @@ from elicit.model.pairs import first_of_each_pair, same_pairs
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match, query_id
 from elicit.model.scale import Floats
 from elicit.tutors.answer_log import EXPECTED, Entry
+
+_GUESS_GRID = 2.0**40
+"""Differences of best guesses below its inverse are equal: rounding alone makes such."""
 
 _IN_A_ROW = 5
 """Answers "equal" to pairs that are certainly no farther apart than ``ALLOWANCE`` ties: then such
@@ -88,7 +94,7 @@ class Pair(NamedTuple):
     """Two vectors (k,) to ask about, in words for people, and where they are compared.
 
     With a ``tier`` other than TUTOR it is an audit, of a pair that the answers decided by that
-    tier.
+    tier. ``who`` is the person to ask; None: the one that the comparator says, of several.
     """
 
     left: Floats
@@ -96,6 +102,7 @@ class Pair(NamedTuple):
     about: str
     place: Place = ()
     tier: int = int(Tier.TUTOR)
+    who: str | None = None
 
 
 class Pending(NamedTuple):
@@ -120,6 +127,9 @@ class Elicitation:
     called equal, and that would teach next to nothing. Once the last few such pairs were, no more
     of them are asked about: they count as equal.
 
+    A comparator of several people says whom to ask. Then a pair stays open, and the others are
+    asked about it, until the comparator can tell, or nobody can tell it more.
+
     Parameters
     ----------
     comparator : Comparator
@@ -140,7 +150,9 @@ class Elicitation:
         If ``known`` contradicts itself, or what the comparator knows.
     """
 
-    needs: ClassVar[Needs] = Needs(used=("rule", "settle", "tie", "wrong", "answers"))
+    needs: ClassVar[Needs] = Needs(
+        used=("rule", "settle", "tie", "wrong", "answers", "people", "whom")
+    )
 
     def __init__(
         self,
@@ -180,6 +192,13 @@ class Elicitation:
             f"None or {k} names, one a level",
             labels,
         )
+        self._several = len(people_of(comparator)) > 1
+        require(
+            not (audit and self._several),
+            "audit, of a comparator of several people,",
+            "0: an audit asks one person what the answers of all imply",
+            audit,
+        )
         self.comparator = comparator
         self.batch = int(batch)
         self.answers = Answers.none(comparator.k)
@@ -208,6 +227,7 @@ class Elicitation:
         self._answered = AnsweredPairs(comparator.k)
         self._undecided = undecided
         self._labels = labels
+        self._cannot: dict[str, AnsweredPairs] = {}  # pairs that one of several cannot tell
         self._unclear: set[Hashable] = set()  # names of where the tutor could not tell
         self._untold = False  # whether there are pairs known as such that the tutor could not tell
         self._guess: tuple[Comparator, Floats] | None = None
@@ -275,9 +295,7 @@ class Elicitation:
         """Make the pending queries of UNKNOWN pairs."""
         pending, number = [], self._number
         for pair in pairs:
-            query = Query.make(
-                self._fingerprint, number, pair.left, pair.right, pair.about, self._labels
-            )
+            query = self._query(pair, number)
             number += 1
             expected = None if pair.tier == Tier.TUTOR else _implied(self.comparator, query.d)
             pending.append(Pending(query, pair, expected))
@@ -299,8 +317,14 @@ class Elicitation:
         """
         if on_conflict not in ("raise", "drop"):
             raise ValueError(f"on_conflict must be 'raise' or 'drop', not {on_conflict!r}")
-        answers = match(answers, self.ask())
         waiting = {p.query.id: p for p in self.pending}
+        answers = match(answers, self.ask())
+        if self._several:  # an answer to a copy of the query, from a log say, may not name anybody
+            asked_of = {name: p.query.who for name, p in waiting.items()}
+            answers = tuple(
+                answer if answer.who else replace(answer, who=asked_of[answer.query.id])
+                for answer in answers
+            )
         told = [answer for answer in answers if answer.verdict is not None]
         rows = Answers.of(told, self.comparator.k)
         comparator, taken = learn(self.comparator, rows, on_conflict == "drop")
@@ -315,8 +339,12 @@ class Elicitation:
             (answer, waiting[answer.query.id], any(answer is other for other in dropped))
             for answer in answers
         ]
+        cannot = self._cannot_now(settled)
         verdicts = [
-            self._act_on(answer, asked, unused, comparator) for answer, asked, unused in settled
+            self._of_all(comparator, asked.pair, cannot)
+            if self._several
+            else self._act_on(answer, asked, unused, comparator)
+            for answer, asked, unused in settled
         ]
         # copies, for an interruption may come at any line: they replace what is there all at once
         answered, unclear, audits = self._answered.copy(), set(self._unclear), list(self.audits)
@@ -327,14 +355,20 @@ class Elicitation:
         ):
             del waiting[query.id]
             cannot_tell += answer.verdict is None
+            if verdict == Verdict.UNKNOWN:  # the next of several is to be asked
+                asked_so_far += 1
+                continue
             if expected is None:
                 asked_so_far += 1
-                if answer.verdict is None:
+                if answer.verdict is None and not self._several:
                     unclear.update(pair.place)
             else:
                 audits.append(Audit(query, expected, answer.verdict))
             said = verdict if answer.verdict is None else answer.verdict
-            if (
+            if self._several:
+                if whom_of(comparator, pair.left - pair.right, self._besides(pair, cannot)) is None:
+                    answered.add(pair.left - pair.right, verdict, binding=verdict == Verdict.EQUAL)
+            elif (
                 unused
                 or answer.verdict is None
                 or self._settled_by(self.answers + rows, query.d, said)
@@ -343,9 +377,8 @@ class Elicitation:
             overruled = expected is not None and verdict != expected  # by the audit's answer
             tier = int(Tier.KNOWN) if overruled else pair.tier
             counts[tier] += 1
-            seen.append(
-                (query.d, Decisions(np.array([verdict], np.int8), np.array([tier], np.int8)))
-            )
+            d = pair.left - pair.right if self._several else query.d
+            seen.append((d, Decisions(np.array([verdict], np.int8), np.array([tier], np.int8))))
         self._publish(
             comparator=comparator,
             answers=self.answers + rows,
@@ -357,8 +390,10 @@ class Elicitation:
             told=tuple(
                 AnsweredQuery(asked, verdict)
                 for (_, asked, _), verdict in zip(settled, verdicts, strict=True)
+                if verdict != Verdict.UNKNOWN
             ),
             _answered=answered,
+            _cannot=cannot,
             _equal_in_a_row=equal_in_a_row,
             _unclear=unclear,
         )
@@ -383,6 +418,7 @@ class Elicitation:
         free = not (
             self._audit or self._tie or self._unclear or self.pending or self.guesses or self.signs
         )
+        free = free and not self._several
         if not free or not hasattr(type(comparator), "answers_to_next_step"):
             return 0
         left = cast(LearnsInSteps, comparator).answers_to_next_step
@@ -417,6 +453,8 @@ class Elicitation:
         the answer is "equal", or contradicts the others, or may end a row of such answers.
         """
         if verdict == Verdict.EQUAL or self._equal_in_a_row or self.pending or self.guesses:
+            return False
+        if self._several:  # who, only ``open`` says
             return False
         name = query_id(self._fingerprint, self._number, left, right)
         told = Answers((left - right)[None, :], [int(verdict)], [name])
@@ -541,16 +579,15 @@ class Elicitation:
             if offers(self.comparator, "answers")
             else None
         )
-        had = Counter(() if own is None else _rows(own))
+        had = Counter(() if own is None else _rows(own, self._several))
         new = []
-        for i, row in enumerate(_rows(told)):
+        for i, row in enumerate(_rows(told, self._several)):
             had[row] -= 1
             if had[row] < 0:
                 new.append(i)
         if new:
             try:
-                untold = Answers(told.d[new], told.y[new], [told.ids[i] for i in new])
-                self._learn_in_order(untold)
+                self._learn_in_order(told.take(new))
             except InconsistentAnswers as error:
                 error.add_note(
                     "They are among what was known: leave one out of known=, of a log by "
@@ -565,7 +602,7 @@ class Elicitation:
         Those that called equal what is near are counted.
         """
         done = 0
-        for i, y in enumerate(told.y if self._tie else ()):
+        for i, y in enumerate(told.y if self._tie and not self._several else ()):
             if y == 0 or self._equal_in_a_row:
                 self.comparator, _ = learn(self.comparator, told[done:i], one_by_one=False)
                 done = i
@@ -596,10 +633,14 @@ class Elicitation:
         if entry.repeat:  # the first answer stands
             return None
         said = self._undecided if answer.verdict is None else answer.verdict
+        taken = entry.used and answer.verdict is not None
+        if self._several:
+            if not taken:
+                self._cannot = _with(self._cannot, answer.who, answer.query.d)
+            return answer if taken else None
         if answer.verdict is None:
             self._untold = True
             self._unclear.update({answer.query.about} - {""})
-        taken = entry.used and answer.verdict is not None
         if not (
             taken and wrong_of(self.comparator)
         ):  # else it takes all answers to see which are enough
@@ -610,6 +651,8 @@ class Elicitation:
 
     def _keep(self, told: Answers) -> None:
         """Keep what was said of pairs, where enough answers agree."""
+        if self._several:  # of which one cannot say what the others would
+            return
         for i, y in enumerate(told.y.tolist()):
             if self._settled_by(told[: i + 1], told.d[i], y):
                 self._answered.add(told.d[i], y, binding=y == 0)
@@ -628,7 +671,7 @@ class Elicitation:
     def _count_equal(self, answers: Sequence[Answer]) -> int:
         """Count how many answers in a row are "equal", to pairs that are certainly near."""
         count = self._equal_in_a_row
-        for answer in answers if self._tie else ():
+        for answer in answers if self._tie and not self._several else ():
             equal = answer.verdict is Verdict.EQUAL
             if equal or (count and answer.verdict is not None):
                 count = self._counted(answer.query.d, equal, count)
@@ -658,15 +701,82 @@ class Elicitation:
         now = _implied(comparator, asked.query.d)
         return answer.verdict if now is Verdict.UNKNOWN else now
 
+    def _query(self, pair: Pair, number: int) -> Query:
+        """Return the question about a pair, to whom the comparator says.
+
+        It may ask them about the pair with as much of the worst and of the best level added to its
+        sides.
+        """
+        left, right, about, who = pair.left, pair.right, pair.about, pair.who
+        if who is None and (people := people_of(self.comparator)):
+            asked = whom_of(self.comparator, left - right, self._besides(pair, self._cannot))
+            who = people[0] if asked is None else asked.who
+            if asked is not None and (asked.d != left - right).any():
+                more = asked.d - (left - right)
+                left, right = left + np.maximum(more, 0.0), right + np.maximum(-more, 0.0)
+                total = max(left.sum(), right.sum())
+                left, right = left / total, right / total
+                about = f"{about} (mixed with the worst and the best level)"
+        return Query.make(self._fingerprint, number, left, right, about, self._labels, who)
+
+    def _besides(self, pair: Pair, cannot: Mapping[str, AnsweredPairs]) -> tuple[str, ...]:
+        """Return which of several people cannot tell a pair."""
+        t = tail_sums((pair.left - pair.right)[None])
+        return tuple(name for name, pairs in cannot.items() if pairs.said(t)[0] != Verdict.UNKNOWN)
+
+    def _cannot_now(
+        self, settled: Sequence[tuple[Answer, Pending, bool]]
+    ) -> dict[str, AnsweredPairs]:
+        """Return the pairs that one of several cannot tell, after these answers.
+
+        An answer that was dropped counts so too: the same person would only be asked again.
+        """
+        cannot = self._cannot
+        for answer, asked, unused in settled if self._several else ():
+            if unused or answer.verdict is None:
+                cannot = _with(cannot, answer.who, asked.pair.left - asked.pair.right)
+        return cannot
+
+    def _of_all(
+        self, comparator: Comparator, pair: Pair, cannot: Mapping[str, AnsweredPairs]
+    ) -> Verdict:
+        """Return the verdict of several people on a pair; UNKNOWN if another is to be asked.
+
+        If nobody can tell more, the comparator's best guess decides.
+        """
+        d = pair.left - pair.right
+        now = _implied(comparator, d)
+        if now != Verdict.UNKNOWN:
+            return now
+        low, high = bounds_of(comparator, d[None])
+        if max(-low[0], high[0]) <= self.indifference:
+            return Verdict.EQUAL
+        if whom_of(comparator, d, self._besides(pair, cannot)) is not None:
+            return Verdict.UNKNOWN
+        at = float(product(tail_sums(d[None]), np.diff(best_guess(comparator)))[0])
+        return Verdict(int(np.sign(round(at * _GUESS_GRID))))
+
     def _gaps(self) -> Floats:
         if self._guess is None or self._guess[0] is not self.comparator:
             self._guess = (self.comparator, np.diff(best_guess(self.comparator)))
         return self._guess[1]
 
 
-def _rows(answers: Answers) -> Iterator[tuple[bytes, int]]:
-    """Each answer's difference and verdict."""
-    return zip(map(np.ndarray.tobytes, answers.d), answers.y.tolist(), strict=True)
+def _rows(answers: Answers, several: bool) -> Iterator[tuple[bytes, int, str | None]]:
+    """Each answer's difference and verdict, and of several people whose it is."""
+    who = answers.who if several else (None,) * len(answers)
+    return zip(map(np.ndarray.tobytes, answers.d), answers.y.tolist(), who, strict=True)
+
+
+def _with(
+    cannot: Mapping[str, AnsweredPairs], who: str | None, d: Floats
+) -> dict[str, AnsweredPairs]:
+    """Return the pairs that people cannot tell, with one difference d (k,) more."""
+    if who is None:
+        return dict(cannot)
+    pairs = cannot[who].copy() if who in cannot else AnsweredPairs(len(d))
+    pairs.add(d, Verdict.EQUAL, binding=False)
+    return {**cannot, who: pairs}
 
 
 def _implied(comparator: Comparator, d: Floats) -> Verdict:

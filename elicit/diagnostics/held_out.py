@@ -178,7 +178,8 @@ def _score(comparator: Comparator, rows: Answers, folds: Folds, level: float, ke
         for number in range(folds):
             test = fold_of == number
             train = np.flatnonzero(~test)
-            known = Answers(rows.d[train], y[train], [rows.ids[i] for i in train])
+            some = rows.take(train.tolist())
+            known = Answers(some.d, y[train], some.ids, some.who)
             learned, taken = learn(comparator, known, one_by_one=True)
             lost.append(int((~taken).sum()))
             told[:, test] = _foretell(learned, rows.d[test])

@@ -9,7 +9,7 @@ import os
 import re
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
-from typing import Literal, TextIO
+from typing import Literal, NamedTuple, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +23,17 @@ _LEVEL = re.compile(r"(left|right|d)_([0-9]+)")
 File = str | os.PathLike[str] | TextIO
 
 
-def read_csv(file: File, k: int | None = None) -> tuple[Floats, NDArray[np.int8], list[str]]:
-    """D (n, k), y (n,) and an id a row, of the answers in a CSV file; see ``Answers.from_csv``."""
+class AnswerColumns(NamedTuple):
+    """The answers in a CSV file: d (n, k), y (n,), and a row's id and person."""
+
+    d: Floats
+    y: NDArray[np.int8]
+    ids: list[str]
+    who: list[str | None]
+
+
+def read_csv(file: File, k: int | None = None) -> AnswerColumns:
+    """Read the answers in a CSV file; see ``Answers.from_csv``."""
     with _opened(file, "r") as text:
         name = str(getattr(text, "name", "the file"))
         # spreadsheets put a byte order mark at the beginning
@@ -37,7 +46,7 @@ def read_csv(file: File, k: int | None = None) -> tuple[Floats, NDArray[np.int8]
                 raise ValueError(f"{name} is empty: its first line must name the columns")
             names = [cell.strip().lower() for cell in header]
             levels = _level_columns(names, k, f"line {rows.line_num} of {name}")
-            told: list[tuple[list[float], int, str]] = []
+            told: list[tuple[list[float], int, str, str | None]] = []
             for cells in rows:
                 where = f"line {rows.line_num} of {name}"
                 if not any(map(str.strip, cells)):
@@ -61,6 +70,7 @@ def read_csv(file: File, k: int | None = None) -> tuple[Floats, NDArray[np.int8]
                             row,
                             verdict,
                             cells[names.index("id")] if "id" in names else f"line {rows.line_num}",
+                            (cells[names.index("who")].strip() or None) if "who" in names else None,
                         )
                     )
         except csv.Error as error:
@@ -68,19 +78,28 @@ def read_csv(file: File, k: int | None = None) -> tuple[Floats, NDArray[np.int8]
         except UnicodeDecodeError as error:
             raise ValueError(f"{name} is not in UTF-8 ({error}): save it as such") from None
     d = np.array([row[0] for row in told], dtype=np.float64).reshape(len(told), len(levels[0]))
-    return d, np.array([row[1] for row in told], dtype=np.int8), [row[2] for row in told]
+    y = np.array([row[1] for row in told], dtype=np.int8)
+    return AnswerColumns(d, y, [row[2] for row in told], [row[3] for row in told])
 
 
-def write_csv(file: File, d: Floats, y: NDArray[np.int8], ids: Sequence[str]) -> None:
-    """The columns id, d_1, ..., d_k, answer.
+def write_csv(
+    file: File,
+    d: Floats,
+    y: NDArray[np.int8],
+    ids: Sequence[str],
+    who: Sequence[str | None],
+) -> None:
+    """Write the columns id, d_1, ..., d_k, answer, and who if any row names a person.
 
     Python writes floats so that they read back to the last bit.
     """
+    named = any(name is not None for name in who)
     with _opened(file, "w") as text:
         rows = csv.writer(text)
-        rows.writerow(["id", *(f"d_{i + 1}" for i in range(d.shape[1])), "answer"])
-        for name, row, sign in zip(ids, d.tolist(), y.tolist(), strict=True):
-            rows.writerow([name, *map(repr, row), sign])
+        levels = [f"d_{i + 1}" for i in range(d.shape[1])]
+        rows.writerow(["id", *levels, "answer", *(["who"] if named else [])])
+        for name, row, sign, person in zip(ids, d.tolist(), y.tolist(), who, strict=True):
+            rows.writerow([name, *map(repr, row), sign, *([person or ""] if named else [])])
 
 
 def _level_columns(names: list[str], k: int | None, where: str) -> list[list[int]]:

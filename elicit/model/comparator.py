@@ -192,9 +192,12 @@ class Part(NamedTuple):
         return self.signature.split("(")[0]
 
 
+_PANEL = ("Panel",)
+_OPEN = "OpenOrderComparator"
 _POLYTOPES = ("PolytopeComparator", "RelaxedPolytopeComparator")
 _MODELS = ("PosteriorComparator", "BradleyTerryComparator")
-_LEARNING = (*_POLYTOPES, *_MODELS)
+_DRAWING = (*_POLYTOPES, *_MODELS)
+_LEARNING = (*_DRAWING, _OPEN)
 _ALL = (*_LEARNING, "Dominance", "AlwaysAsk")
 
 OPTIONAL_PARTS = (
@@ -205,7 +208,7 @@ OPTIONAL_PARTS = (
         "Bounds what a policy may lose. Without it `bounds` does, with a confidence of nan, and "
         "policy iteration and "
         "value iteration end BOUNDED, not CONVERGED.",
-        _ALL,
+        _ALL + _PANEL,
     ),
     Part(
         "RoughBounds",
@@ -221,21 +224,21 @@ OPTIONAL_PARTS = (
         "plausible scales: gaps (k - 1, m), weights (m,), precisions (m,), or None for now",
         "Questions are chosen by it. Without it they are chosen by scales drawn from all ordered "
         "ones.",
-        _LEARNING,
+        _DRAWING + _PANEL,
     ),
     Part(
         "TrustsDraws",
         "level",
         "beside `draws`, if the bounds depend on them: the weight of draws that a verdict needs",
         "The loss of a policy is bounded under that share of the draws.",
-        _MODELS,
+        _MODELS + _PANEL,
     ),
     Part(
         "StatesConfidence",
         "confidence",
         "beside `level`: the probability with which guarantees under the draws hold; nan for none",
         "Is a result's confidence. Without it `level` is.",
-        ("BradleyTerryComparator",),
+        ("BradleyTerryComparator", "Panel"),
     ),
     Part(
         "PredictsAnswers",
@@ -267,7 +270,7 @@ OPTIONAL_PARTS = (
         "lapse",
         "the share of answers given at random, 0 up to 1",
         "Questions are chosen by it. Without it 0 is taken.",
-        ("PosteriorComparator",),
+        ("PosteriorComparator", "Panel"),
     ),
     Part(
         "AllowsTies",
@@ -275,14 +278,14 @@ OPTIONAL_PARTS = (
         "the largest |d.e|, a share of the value range, that the tutor may call equal",
         "Learners stop asking about pairs so near that were called equal. Without it EQUAL means "
         "equal.",
-        _ALL,
+        _ALL + _PANEL,
     ),
     Part(
         "KeepsAnswers",
         "answers",
         "`elicit.Answers`, all it was told, in order",
         "It is not told again what it knows already.",
-        _LEARNING,
+        _LEARNING + _PANEL,
     ),
     Part(
         "LearnsInSteps",
@@ -297,14 +300,38 @@ OPTIONAL_PARTS = (
         "rule",
         "an `elicit.decision.comparator_rule.Rule`: what it knows, as arrays",
         "Compiled loops decide by it. Without it they call `compare`.",
-        _ALL,
+        _ALL + _PANEL,
     ),
     Part(
         "Settling",
         "settle(d)",
         "beside `rule`: verdicts and tiers (n,) of what the rule leaves open",
         "Compiled loops call it there.",
-        _POLYTOPES,
+        (*_POLYTOPES, _OPEN, *_PANEL),
+    ),
+    Part(
+        "KnowsPeople",
+        "people",
+        "the names of those who answer, whose scales it combines",
+        "With several, no answer of one of them decides a pair for all, and no cuts are asked. "
+        "Without it there is one tutor.",
+        _PANEL,
+    ),
+    Part(
+        "ChoosesWhom",
+        "whom(d, besides)",
+        "beside `people`: the name to ask about one d (k,), and what to ask them about, as an "
+        "`elicit.model.comparator.PersonAsked`; None if nobody can tell more",
+        "A question is put to that person, who is its `Query.who`.",
+        _PANEL,
+    ),
+    Part(
+        "LeavesOrderOpen",
+        "unordered",
+        "the two neighbouring levels, counted from 0, of which either may be the better",
+        "`choose` goes by its verdicts and bounds alone. Learners refuse it. Without it the order "
+        "of the levels is certain.",
+        (_OPEN,),
     ),
 )
 """All optional parts. ``elicit.testing`` checks them, and docs/your-own-comparator.md is compared
@@ -361,13 +388,23 @@ def bounds_of(comparator: Comparator, d: Floats) -> tuple[Floats, Floats]:
 def best_guess(comparator: Comparator) -> Floats:
     """``comparator.values`` (k,).
 
-    Raises TypeError unless these are numbers that rise from 0 to 1.
+    Raises TypeError unless these are numbers that rise from 0 to 1. They need not rise from one
+    level to the next if the comparator leaves the order of the two open.
     """
     values = np.asarray(comparator.values, dtype=np.float64)
+    open_step = unordered_of(comparator)
+    if open_step is not None and values.shape == (comparator.k,):
+        low = open_step[0]
+        values_in_order = values.copy()
+        values_in_order[low : low + 2] = np.sort(values[low : low + 2])
+    else:
+        values_in_order = values
     ends = (
-        values.shape == (comparator.k,) and abs(values[0]) < 1e-6 and abs(values[-1] - 1.0) < 1e-6
+        values.shape == (comparator.k,)
+        and abs(values_in_order[0]) < 1e-6
+        and abs(values_in_order[-1] - 1.0) < 1e-6
     )
-    if not (ends and (np.diff(values) >= -1e-9).all()):
+    if not (ends and (np.diff(values_in_order) >= -1e-9).all()):
         raise TypeError(
             f"{type(comparator).__name__}.values must be an array ({comparator.k},) that rises "
             "from 0 to 1, the best "
@@ -387,6 +424,8 @@ def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, f
     if offers(comparator, "simultaneous_bounds"):
         found = cast(BoundsAllAtOnce, comparator).simultaneous_bounds(d)
         high, confidence = _checked_bounds(found, type(comparator).__name__, len(rows))
+        if unordered_of(comparator) is not None:
+            return high, confidence
         # what lies beyond the order's bounds, such as inf, says no more than these do; rounding
         # stays as it is
         most, rounding = (
@@ -568,6 +607,42 @@ class AllowsWrong(Protocol):
         """The greatest number of such answers."""
 
 
+class PersonAsked(NamedTuple):
+    """A person, and a difference (k,) to ask them about."""
+
+    who: str
+    d: Floats
+
+
+@runtime_checkable
+class KnowsPeople(Protocol):
+    """A comparator that combines what several people answer."""
+
+    @property
+    def people(self) -> Sequence[str]:
+        """Their names, at least one."""
+
+
+@runtime_checkable
+class ChoosesWhom(Protocol):
+    """A comparator that says whom to ask."""
+
+    def whom(self, d: ArrayLike, besides: Sequence[str] = ()) -> PersonAsked | None:
+        """Return whom to ask about a difference d (k,), and the difference to ask them about.
+
+        ``besides`` are not to be asked. None if nobody can tell more.
+        """
+
+
+@runtime_checkable
+class LeavesOrderOpen(Protocol):
+    """A comparator that does not know which of two neighbouring levels is the better."""
+
+    @property
+    def unordered(self) -> tuple[int, int]:
+        """The two levels, counted from 0, the lower number first."""
+
+
 @runtime_checkable
 class AllowsTies(Protocol):
     """A comparator whose tutor may call equal what is only nearly so."""
@@ -648,9 +723,36 @@ def cells_of(comparator: Comparator) -> Sequence[Cell]:
     return cells if len(cells) > 1 else (Cell(comparator, (), 1.0),)
 
 
+def unordered_of(comparator: Comparator) -> tuple[int, int] | None:
+    """Return the two neighbouring levels whose order the comparator leaves open; None if none."""
+    if not offers(comparator, "unordered"):
+        return None
+    low, high = cast(LeavesOrderOpen, comparator).unordered
+    return int(low), int(high)
+
+
 def wrong_of(comparator: Comparator) -> int:
     """The number of answers that may be wrong: 0 where the comparator does not say."""
     return int(cast(AllowsWrong, comparator).wrong) if offers(comparator, "wrong") else 0
+
+
+def people_of(comparator: object) -> tuple[str, ...]:
+    """Return the names of those whose answers a comparator combines; () where it does not say."""
+    found = offers(comparator, "people") and offers(comparator, "whom")
+    return tuple(cast(KnowsPeople, comparator).people) if found else ()
+
+
+def whom_of(comparator: Comparator, d: Floats, besides: Sequence[str] = ()) -> PersonAsked | None:
+    """Return whom a comparator of several people would ask about d (k,), and what.
+
+    Raises TypeError for a person who is none of its people.
+    """
+    asked = cast(ChoosesWhom, comparator).whom(d, besides)
+    if asked is not None and asked.who not in people_of(comparator):
+        raise TypeError(
+            f"{type(comparator).__name__}.whom(d) must name one of its people, not {asked.who!r}"
+        )
+    return asked
 
 
 def lapse_of(comparator: Comparator) -> float:

@@ -14,6 +14,7 @@ from elicit.model.comparator import (
     Comparator,
     check_comparator_made,
     offers,
+    unordered_of,
 )
 
 _F = TypeVar("_F", bound=Callable[..., object])
@@ -77,9 +78,18 @@ def needs_of(consumer: object) -> Needs:
 def check_needs(comparator: Comparator, *consumers: object) -> None:
     """Raise TypeError for anything but a comparator, and for one that lacks a required part.
 
-    The error names the part, the consumer that needs it, and the comparators that have it.
+    The error names the part, the consumer that needs it, and the comparators that have it. A
+    comparator that leaves the order of two levels open is a ValueError: all bounds of learners
+    start from the order.
     """
     check_comparator_made(comparator)
+    if (open_step := unordered_of(comparator)) is not None:
+        low, high = (level + 1 for level in open_step)
+        raise ValueError(
+            f"{type(comparator).__name__} leaves the order of levels {low} and {high} open, and a "
+            "learner needs the levels in a fixed order: decide which is the worse and take "
+            f"PolytopeComparator({comparator.k}), or compare share vectors by elicit.choose"
+        )
     for consumer in consumers:
         for member in needs_of(consumer).missing(comparator):
             part = _PARTS[member]

@@ -60,6 +60,18 @@ def as_verdict(code: Any) -> Verdict:
     return Verdict(int(code))
 
 
+def as_who(who: str | None) -> str | None:
+    """Return the name of a person who answers, or None.
+
+    Raises TypeError for anything else, and ValueError for an empty name.
+    """
+    if who is not None and not isinstance(who, str):
+        raise TypeError(f"who, the person who answers, must be a name, or None, not {who!r}")
+    if who is not None and not who.strip():
+        raise ValueError("who, the person who answers, must not be empty: give a name, or None")
+    return who
+
+
 class StaleAnswer(ValueError):
     """The caller's fault: there is no such pending query (answered already, or of another run)."""
 
@@ -129,7 +141,8 @@ class Query:
     """A question to the tutor: which share vector is better, ``left`` or ``right`` (k,).
 
     ``about`` and ``labels``, the k levels' names, worst first, are for people only:
-    ``print(query)`` shows the question as a person reads it.
+    ``print(query)`` shows the question as a person reads it. ``who`` is the person to ask, where
+    there are several (``elicit.Panel``); None: whoever answers.
     """
 
     id: str
@@ -137,6 +150,7 @@ class Query:
     right: Floats
     about: str = ""
     labels: tuple[str, ...] | None = None
+    who: str | None = None
 
     if TYPE_CHECKING:  # what may be given; the dataclass writes it
 
@@ -147,9 +161,11 @@ class Query:
             right: ArrayLike,
             about: str = "",
             labels: Sequence[str] | None = None,
+            who: str | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:
+        as_who(self.who)
         left, right = np.asarray(self.left, float), np.asarray(self.right, float)
         if left.ndim != 1 or left.shape != right.shape:
             raise ValueError(
@@ -207,9 +223,10 @@ class Query:
         right: ArrayLike,
         about: str = "",
         labels: Sequence[str] | None = None,
+        who: str | None = None,
     ) -> Query:
         """A query whose id is a hash of the problem, its running number and the two vectors."""
-        return Query(query_id(fingerprint, number, left, right), left, right, about, labels)
+        return Query(query_id(fingerprint, number, left, right), left, right, about, labels, who)
 
 
 def query_id(fingerprint: str, number: int, left: ArrayLike, right: ArrayLike) -> str:
@@ -226,13 +243,17 @@ class Answer:
     """A tutor's answer, in terms of ``query.left``.
 
     The verdict is a Verdict, or -1, 0, 1; None means "cannot tell". ``swapped`` records that the
-    pair was shown right to left (``verdict`` is already flipped back). Raises TypeError for a
-    verdict that is no code, such as True or a float, and ValueError for another number.
+    pair was shown right to left (``verdict`` is already flipped back). ``who`` is the name or
+    pseudonym of the person who answered, by default the query's; None: nobody says.
+
+    Raises TypeError for a verdict that is no code, such as True or a float, and for a ``who`` that
+    is no text; ValueError for another number and an empty name.
     """
 
     query: Query
     verdict: Verdict | None
     swapped: bool = False
+    who: str | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.query, Query):
@@ -241,6 +262,7 @@ class Answer:
             )
         if self.verdict is not None:
             object.__setattr__(self, "verdict", as_verdict(self.verdict))
+        object.__setattr__(self, "who", self.query.who if self.who is None else as_who(self.who))
 
 
 @dataclass
@@ -253,7 +275,10 @@ class _Room:
 
 
 class AnswerRow(NamedTuple):
-    """One row of ``Answers``: the difference d (k,) = left - right, the verdict, and the id."""
+    """One row of ``Answers``: the difference d (k,) = left - right, the verdict, and the id.
+
+    ``Answers.who`` says who gave it.
+    """
 
     d: Floats
     y: Verdict
@@ -266,13 +291,21 @@ class Answers:
 
     d (n, k) is left - right, y (n,) lies in {-1, 0, +1}, and each row has an id. One is
     ``answers[i]`` (an ``AnswerRow``), and so is each in a loop; ``answers[i:j]`` are Answers again.
+    ``who`` (n,) has the name of the person who gave each answer, or None.
     """
 
     d: Floats
     y: NDArray[np.int8]
     ids: tuple[str, ...] = field(default=())
+    who: tuple[str | None, ...] = field(default=())
 
-    def __init__(self, d: ArrayLike, y: ArrayLike, ids: Sequence[str] | None = None) -> None:
+    def __init__(
+        self,
+        d: ArrayLike,
+        y: ArrayLike,
+        ids: Sequence[str] | None = None,
+        who: Sequence[str | None] | None = None,
+    ) -> None:
         rows = as_vectors(d).copy() if np.size(d) else np.array(d, dtype=np.float64)
         if rows.ndim != 2:
             raise ValueError(
@@ -300,12 +333,23 @@ class Answers:
             raise ValueError(
                 f"ids must have one entry a row of d: {len(rows)} rows, {len(names)} ids"
             )
-        self._keep(rows, signs.astype(np.int8), names)
+        if isinstance(who, str) or (who is not None and len(who) != len(rows)):
+            raise ValueError(
+                f"who must have one name, or None, a row of d: {len(rows)} rows, but who is {who!r}"
+            )
+        people = (None,) * len(rows) if who is None else tuple(map(as_who, who))
+        self._keep(rows, signs.astype(np.int8), names, people)
 
-    def _keep(self, d: Floats, y: NDArray[np.int8], ids: tuple[str, ...]) -> Answers:
+    def _keep(
+        self,
+        d: Floats,
+        y: NDArray[np.int8],
+        ids: tuple[str, ...],
+        who: tuple[str | None, ...],
+    ) -> Answers:
         """Hold valid parts as they are."""
         d.flags.writeable = y.flags.writeable = False
-        for name, value in (("d", d), ("y", y), ("ids", ids)):
+        for name, value in (("d", d), ("y", y), ("ids", ids), ("who", who)):
             object.__setattr__(self, name, value)
         return self
 
@@ -328,7 +372,8 @@ class Answers:
         y = np.array(
             [a.verdict for a in told], dtype=np.int8
         )  # an Answer's verdict is one of these
-        return object.__new__(Answers)._keep(d, y, tuple(a.query.id for a in told))
+        ids, who = tuple(a.query.id for a in told), tuple(a.who for a in told)
+        return object.__new__(Answers)._keep(d, y, ids, who)
 
     @staticmethod
     def from_csv(file: File, k: int | None = None) -> Answers:
@@ -336,7 +381,8 @@ class Answers:
 
         The header names left_1, ..., left_k, right_1, ..., right_k, answer, or d_1, ..., d_k,
         answer (d is left - right), in any order and case, and perhaps id; without it an id is "line
-        7". Other columns and blank lines are passed over. An answer is -1, 0 or 1, or left, right,
+        7". A column who names the person who answered. Other columns and blank lines are passed
+        over. An answer is -1, 0 or 1, or left, right,
         equal (better, worse), in terms of left. As with ``of``, rows without an answer (empty,
         none, null, "cannot tell") are left out.
 
@@ -350,11 +396,11 @@ class Answers:
     def to_csv(self, file: File) -> None:
         """Write the columns id, d_1, ..., d_k, answer to a path or an open text.
 
-        ``from_csv`` reads the same back.
+        If any row says who answered, a column who comes last. ``from_csv`` reads the same back.
         """
         from elicit.model.answers_csv import write_csv
 
-        write_csv(file, self.d, self.y, self.ids)
+        write_csv(file, self.d, self.y, self.ids, self.who)
 
     @property
     def k(self) -> int:
@@ -376,7 +422,8 @@ class Answers:
             room = _Room(np.empty((2 * (n + m), self.k)), np.empty(2 * (n + m), np.int8))
             room.d[:n], room.y[:n] = self.d, self.y
         room.d[n : n + m], room.y[n : n + m], room.used = other.d, other.y, n + m
-        both = object.__new__(Answers)._keep(room.d[: n + m], room.y[: n + m], self.ids + other.ids)
+        ids, who = self.ids + other.ids, self.who + other.who
+        both = object.__new__(Answers)._keep(room.d[: n + m], room.y[: n + m], ids, who)
         object.__setattr__(both, "_room", room)
         return both
 
@@ -391,7 +438,7 @@ class Answers:
 
     def __getitem__(self, rows: SupportsIndex | slice) -> AnswerRow | Answers:
         if isinstance(rows, slice):
-            return Answers(self.d[rows], self.y[rows], self.ids[rows])
+            return Answers(self.d[rows], self.y[rows], self.ids[rows], self.who[rows])
         row = index(rows)
         if not -len(self) <= row < len(self):
             raise IndexError(f"there is no answer {row}: there are {len(self)}, counted from 0")
@@ -417,8 +464,16 @@ class Answers:
                 "are here"
             )
             raise ValueError(f"no answer here has the id {unknown}: {reason}")
-        stay = [row for row, name in enumerate(self.ids) if name not in out]
-        return Answers(self.d[stay], self.y[stay], [self.ids[row] for row in stay])
+        return self.take([row for row, name in enumerate(self.ids) if name not in out])
+
+    def take(self, rows: Sequence[int]) -> Answers:
+        """Return the answers in these rows, in this order."""
+        ids, who = [self.ids[row] for row in rows], [self.who[row] for row in rows]
+        return Answers(self.d[list(rows)], self.y[list(rows)], ids, who)
+
+    def of_person(self, who: str | None) -> Answers:
+        """Return the answers of one person, in their order. None: those that name nobody."""
+        return self.take([row for row, name in enumerate(self.who) if name == who])
 
 
 def match(answers: Sequence[Answer], pending: Sequence[Query]) -> tuple[Answer, ...]:

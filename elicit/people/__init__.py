@@ -2,7 +2,8 @@
 
 ``lotteries`` turns a lottery over amounts into shares over levels. ``experiments`` loads tables of
 choices, one answer log a person. ``replay`` lets a learner choose the order of questions that were
-put to a person many times. Imports from ``model``, ``tutors`` and ``_support``.
+put to a person many times. ``rankin`` has published weights of a medical scale. Imports from
+``model``, ``tutors`` and ``_support``.
 """
 
 from elicit.people.experiments import GAMBLES, lottery_choices, repeated_gambles

@@ -121,6 +121,7 @@ class Drawing:
         loss = None if start is None else start.loss
         compare = f"Each question shows two {words.side}s of {words.unit}. You choose one of them."
         return {
+            "who": printable(self._session.who or ""),
             "compare": printable(compare),
             "purpose": printable(words.purpose),
             "before": "" if loss is None else printable(self._before(loss)),

@@ -7,7 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from elicit.model.comparator import Comparator, best_guess, bounds_of, trusted_share, wrong_of
+from elicit.model.comparator import (
+    Comparator,
+    best_guess,
+    bounds_of,
+    trusted_share,
+    unordered_of,
+    wrong_of,
+)
 from elicit.model.difference import tail_sums
 from elicit.model.outcomes import assumed_of_answers
 from elicit.person.showing import printable
@@ -60,14 +67,18 @@ def scale_rows(
     """
     k = len(labels)
     asked = set(range(k)) if log is None else {0, k - 1} | asked_levels(log)
-    ends = np.eye(len(labels)) - np.eye(len(labels))[0]
-    low, high = bounds_of(comparator, ends)
+    open_step = unordered_of(comparator) or (-1, -1)
+    worst = open_step if open_step[0] == 0 else (0,)  # a value is that above the worst of these
+    above = [bounds_of(comparator, np.eye(k) - np.eye(k)[level]) for level in worst]
+    low, high = np.array(above).max(axis=0)
     values = 100.0 * best_guess(comparator)
     # rounded outwards, so that the statement holds
     low = np.clip(np.floor(100.0 * low + 1e-6), 0, 100)
     high = np.clip(np.ceil(100.0 * high - 1e-6), 0, 100)
-    low[-1] = 100.0
-    high[0] = 0.0
+    if open_step[1] != k - 1:
+        low[-1] = 100.0
+    if open_step[0] != 0:
+        high[0] = 0.0
     rows = [
         ScaleRow(printable(label), float(value), float(least), float(most), level in asked)
         for level, (label, value, least, most) in enumerate(

@@ -66,7 +66,8 @@ A screen has these fields:
 ``welcome``, ``question``, ``conflict``, ``offer``, ``end``
     Null but at their stage. The practice has a question too.
 
-The welcome has ``before`` (a sentence on what could be lost without an answer, or ""), ``purpose``,
+The welcome has ``who`` (the name of the person, if it is known already, or ""), ``before`` (a
+sentence on what could be lost without an answer, or ""), ``purpose``,
 ``compare``, ``least`` (the fewest answers before it can be finished) and ``budgets``, each with
 ``questions`` and ``label``.
 
@@ -302,7 +303,8 @@ class Interview(Drawing, Closing):
 
     def _begin(self, who: str = "", budget: str = "") -> dict[str, Any]:
         self._started, self._stopped = True, False
-        if who.strip():
+        begun = any(not entry.retracted for entry in self._session.log)
+        if who.strip() and self._session.log.who is None and not begun:
             self._session.stamp(printable(who.strip())[:_LONGEST_NAME])
         self._budget = int(budget) if budget.isdecimal() and 0 < int(budget) < 10_000 else None
         return self._screen()
@@ -515,7 +517,9 @@ class Interview(Drawing, Closing):
         if now is not None and now.ahead is not None and now.ahead.waits_for(asker, pending):
             ahead = now.ahead  # ``shown`` is, or was, a repeat
         elif session.makes_askers and not self._rounded(pending):
-            ahead = LookAhead(asker, twin, pending, self._shown(pending).swapped)
+            ahead = LookAhead(
+                asker, twin, pending, self._shown(pending).swapped, session.answering(pending)
+            )
         counted = not session.is_repeat(shown.id)
         outlook = Outlook(
             twin, shown, pending, subject.stakes, self._ends, subject.seed, before, since, counted

@@ -27,11 +27,15 @@ class LookAhead:
         The pending query.
     swapped : bool
         True if the query is shown right to left.
+    who : str, optional
+        The person who will answer.
     """
 
-    def __init__(self, asker: Asker, twin: Asker, query: Query, swapped: bool) -> None:
+    def __init__(
+        self, asker: Asker, twin: Asker, query: Query, swapped: bool, who: str | None = None
+    ) -> None:
         self.asker, self.query = asker, query
-        self._twin, self._swapped = twin, swapped
+        self._twin, self._swapped, self._who = twin, swapped, who
         self._told: dict[Verdict | None, AfterAnswer] = {}
         self._computing: tuple[Verdict | None] | None = None
         self._changed = Condition()
@@ -48,7 +52,8 @@ class LookAhead:
                 self._computing = (verdict,)
             try:
                 asker = copy.deepcopy(self._twin)
-                found = AfterAnswer(asker, tell(asker, Answer(self.query, verdict, self._swapped)))
+                answer = Answer(self.query, verdict, self._swapped, self._who)
+                found = AfterAnswer(asker, tell(asker, answer))
                 asker.ask()
                 self._told[verdict] = found
             except Exception:
@@ -78,6 +83,8 @@ class LookAhead:
         AfterAnswer or None
         """
         if not self.waits_for(asker, answer.query) or answer.swapped != self._swapped:
+            return None
+        if answer.who != Answer(self.query, None, who=self._who).who:
             return None
         with self._changed:
             self._changed.wait_for(lambda: self._computing != (answer.verdict,))

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from elicit.model.query import Answer, InconsistentAnswers
 from elicit.person.asker import AfterAnswer, Asker, MakeAsker, counts, tell
-from elicit.tutors.answer_log import CONTRADICTS, AnswerLog, Entry
+from elicit.tutors.answer_log import CONTRADICTS, WHO, AnswerLog, Entry
 
 _ANY_NUMBER = Parameter.VAR_POSITIONAL  # of arguments
 _NOT_ITS_QUESTIONS = (
@@ -148,7 +148,9 @@ class ReplayedAsker:
             raise ValueError("to settle two answers the session must make a new asker")
         self._stands = None
         self._log.retract(id, **metadata)
-        self._log.append(answer, **self._stamp())
+        stamp = self._stamp()
+        stamp.pop(WHO, None)  # the answer says whose it is
+        self._log.append(answer, **stamp)
         self._know(self._restarted())
 
     def standing(self) -> tuple[list[Entry], list[Entry]]:

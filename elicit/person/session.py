@@ -27,7 +27,15 @@ from elicit.person.course.conduct import SETTLED, differs, repeats_in
 from elicit.person.course.repeats import Repeats
 from elicit.person.replayed_asker import ReplayedAsker
 from elicit.person.substitution import Instead, substitute
-from elicit.tutors.answer_log import EXPECTED, REPEATS, RESOLVED, AnswerLog, Entry
+from elicit.tutors.answer_log import (
+    EXPECTED,
+    REPEATS,
+    RESOLVED,
+    WHO,
+    AnswerLog,
+    Entry,
+    check_person,
+)
 
 
 @dataclass(frozen=True)
@@ -70,7 +78,8 @@ class Session(Closing):
     log : AnswerLog or path
         The session closes a log that it opened from a path.
     who : str, optional
-        The person whose answers these are, for the log.
+        The person whose answers these are, for the log. A new log at a path is theirs from then on.
+        Default: the person of the log.
     audit : float, optional
         The share of questions in front of which an earlier one is put again, to see whether the
         answers agree. The asker is not told the answer to a repeat, and nothing else depends on it.
@@ -87,7 +96,7 @@ class Session(Closing):
     ValueError
         If only a function can go on with this log.
     BadLog, BlockingIOError, OSError
-        As ``AnswerLog`` raises them.
+        As ``AnswerLog`` raises them, also for a log of another person.
     """
 
     def __init__(
@@ -103,7 +112,7 @@ class Session(Closing):
         what = "audit, the share of questions in front of which one is put again,"
         require(audit is None or is_number(audit, 0, 1), what, "None, or in 0..1", audit)
         self._clock = clock
-        self._stamp = {"session": secrets.token_hex(4), **({} if who is None else {"who": who})}
+        self._stamp: dict[str, Any] = {"session": secrets.token_hex(4)}
         self._put_at: dict[
             str, float
         ] = {}  # when a pending question was put, by a clock that only goes forwards
@@ -122,8 +131,11 @@ class Session(Closing):
         """The seed that gives the same repeats again."""
         ReplayedAsker.check(asker)  # before a file is made
         self._mine = not isinstance(log, AnswerLog)
-        self._log = log if isinstance(log, AnswerLog) else AnswerLog(log)
+        self._log = log if isinstance(log, AnswerLog) else AnswerLog(log, who=who)
         try:
+            check_person(self._log, who)
+            if (person := who or self._log.who) is not None:
+                self._stamp[WHO] = person
             self._repeats = Repeats(self._log, float(audit or 0.0), self.seed)
             self._replayed = ReplayedAsker(asker, self._log, self._now)
             self._replayed.current()
@@ -198,14 +210,22 @@ class Session(Closing):
         return self._replayed.at_start()
 
     def stamp(self, who: str) -> None:
-        """Name the person whose answers these are, for the lines to come."""
-        self._stamp["who"] = who
+        """Name the person whose answers these are, for the lines to come.
+
+        Raises BadLog for a log of another person.
+        """
+        check_person(self._log, who)
+        self._stamp[WHO] = who
 
     @property
     def who(self) -> str | None:
         """The person whose answers these are, by the last line of the log that says so."""
-        said = [entry.metadata["who"] for entry in self._log if "who" in entry.metadata]
-        return self._stamp.get("who") or (str(said[-1]) if said else None)
+        said = [entry.answer.who for entry in self._log if entry.answer.who is not None]
+        return self._stamp.get(WHO) or (said[-1] if said else None)
+
+    def answering(self, query: Query) -> str | None:
+        """Return the person who answers a query: the one it asks, else the session's, if named."""
+        return query.who or self._stamp.get(WHO)
 
     def is_repeat(self, id: str) -> bool:
         """Return whether the pending query of this id is an earlier one put again."""
@@ -230,7 +250,8 @@ class Session(Closing):
         query = self._to_answer(id)
         if query is None:
             raise StaleAnswer(f"no pending query has the id {id!r}: show what question() returns")
-        self._log.append_asked(query, swapped, **self._now(), **how)
+        asked = {} if query.who is None else {WHO: query.who}
+        self._log.append_asked(query, swapped, **{**self._now(), **asked}, **how)
         self._put_at[id] = time.monotonic()
 
     def answer(
@@ -285,19 +306,20 @@ class Session(Closing):
         swapped = next(
             (one.swapped for one in reversed(self._log.asked) if one.query.id == id), False
         )
-        answer = Answer(query, verdict, swapped)  # type: ignore[arg-type]  # which turns the code into a Verdict
+        answer = Answer(query, verdict, swapped, self.answering(query))  # type: ignore[arg-type]  # which turns the code into a Verdict
         latency = (
             {"latency": round(time.monotonic() - self._put_at[id], 3)} if id in self._put_at else {}
         )
+        when = {name: value for name, value in self._now().items() if name != WHO}
         first = self._repeats.first_answer(query) if self.is_repeat(id) else None
         if first is not None:
             before = {REPEATS: first.query.id, EXPECTED: int(first.verdict or 0)}
-            self._log.append(answer, used=False, **{**self._now(), **latency, **before, **metadata})
+            self._log.append(answer, used=False, **{**when, **latency, **before, **metadata})
             self._put_at.pop(id, None)
             return answer
         implied = asker.implied if isinstance(asker, Audits) else {}
         audited = {EXPECTED: int(implied[id])} if id in implied else {}
-        self._log.append(answer, **{**self._now(), **latency, **audited, **metadata})
+        self._log.append(answer, **{**when, **latency, **audited, **metadata})
         self._put_at.pop(id, None)
         pending = id in {
             query.id for query in asker.ask()
@@ -375,7 +397,7 @@ class Session(Closing):
         if again is None or not again.repeat or first is None:
             raise ValueError(f"no two answers wait to be settled by the id {id!r}")
         query = replace(first.answer.query, id=f"{SETTLED}{first.answer.query.id}")
-        meant = Answer(query, verdict, again.answer.swapped)  # type: ignore[arg-type]
+        meant = Answer(query, verdict, again.answer.swapped, again.answer.who)  # type: ignore[arg-type]
         told = {**self._now(), RESOLVED: None if meant.verdict is None else int(meant.verdict)}
         if meant.verdict != first.answer.verdict:
             self._replayed.exchange(first.answer.query.id, told, meant)

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self, SupportsIndex, TypeVar, overload
 
 from elicit._support.closing import Closing
-from elicit.model.query import Answer, Answers, Query, Verdict
+from elicit.model.query import Answer, Answers, Query, Verdict, as_who
 from elicit.tutors.log_file import LogFile, read_bytes
 from elicit.tutors.log_lines import (
     CHECK,
@@ -37,6 +37,11 @@ from elicit.tutors.log_lines import (
 )
 
 T = TypeVar("T")
+
+WHO = "who"
+"""The field of an answer's line that names the person who gave it, and that of a log's header if
+all answers are one person's.
+"""
 
 _FIELDS = ("id", "left", "right", "verdict", "swapped", "about", "used")
 EXPECTED = "expected"
@@ -127,14 +132,16 @@ class AnswerLog(Closing):
     path: the file to write; an existing log is continued. None keeps the log in memory. k: the
     number of levels; None takes it from the file, else from the first answer. header: further JSON
     fields for the header line, such as the names of the levels. An existing file must have each of
-    them, and the same.
+    them, and the same. who: the person whose answers these all are, who must be that of an existing
+    file; an existing log that names nobody is continued as it is. None: that of the file, else each
+    answer says it, or nobody does.
 
     The file stays locked until ``close``, or until the log is let go of; as a context manager it
     closes at the end. Only its owner can read a file that it makes.
 
     Raises BadLog where the file is no log, no regular file, is damaged before its last line, or
-    disagrees with k or header; BlockingIOError where another one writes to it; OSError where it
-    cannot be written.
+    disagrees with k or header, or is of another person; BlockingIOError where another one writes to
+    it; OSError where it cannot be written.
     """
 
     def __init__(
@@ -142,9 +149,11 @@ class AnswerLog(Closing):
         path: str | os.PathLike[str] | None = None,
         k: int | None = None,
         header: Mapping[str, Any] | None = None,
+        who: str | None = None,
     ) -> None:
         fixed = {"format": FORMAT, "version": VERSION}
-        given = {**fixed, **({} if k is None else {"k": k}), **(header or {})}
+        person = {} if as_who(who) is None else {WHO: who}
+        given = {**fixed, **({} if k is None else {"k": k}), **(header or {}), **person}
         if header and not {*fixed, "k", CHECK}.isdisjoint(header):
             raise ValueError(
                 f"a header's format, version, k and check are not free fields: {dict(header)}"
@@ -165,6 +174,7 @@ class AnswerLog(Closing):
         )  # what cannot be written must show before the first question
         try:
             self._load(self._path, self._file.content, None)
+            check_person(self, who)
         except BaseException:
             self.close()
             raise
@@ -204,6 +214,13 @@ class AnswerLog(Closing):
         return self._header.get("k")
 
     @property
+    def who(self) -> str | None:
+        """The person whose answers these all are, by the header; None where it names nobody."""
+        self._finish()
+        found = self._header.get(WHO)
+        return found if isinstance(found, str) else None
+
+    @property
     def header(self) -> dict[str, Any]:
         """The fields of the header line (a copy)."""
         self._finish()
@@ -234,10 +251,15 @@ class AnswerLog(Closing):
         added.
 
         used=False records an answer that comparators are not to learn from. metadata: any JSON,
-        such as a time. Raises ValueError on another number of levels or metadata that is no JSON,
+        such as a time. Raises ValueError on another number of levels, metadata that is no JSON or
+        names another person than the answer, and on an answer of another person than the log's;
         BadLog if someone else wrote to the file, OSError if writing fails.
         """
         told = {"verdict": answer.verdict, "swapped": bool(answer.swapped), "used": bool(used)}
+        person = answer.who or self.who
+        if person is not None:
+            _check_same(self.who, person)
+            _check_same(metadata.setdefault(WHO, person), person)
         self._put("answered", {**_fields_of(answer.query), **told}, metadata)
 
     def append_asked(self, query: Query, swapped: bool = False, **metadata: Any) -> None:
@@ -420,9 +442,8 @@ class AnswerLog(Closing):
             return partial(
                 _end_with, self._asked, len(self._asked), Asked(query, fields["swapped"], metadata)
             )
-        return partial(
-            _end_with, self._entries, len(self._entries), _entry(query, fields, metadata)
-        )
+        entry = _entry(query, fields, metadata, self.who)
+        return partial(_end_with, self._entries, len(self._entries), entry)
 
     def _exchange(self, changed: dict[int, Entry]) -> None:
         for i, entry in changed.items():
@@ -466,18 +487,22 @@ def _parts(fields: dict[str, Any]) -> tuple[str, dict[str, Any], dict[str, Any]]
     return fields[EVENT], {name: fields[name] for name in _FIELDS if name in fields}, told
 
 
-def _entry(query: Query, fields: Mapping[str, Any], metadata: Mapping[str, Any]) -> Entry:
-    """The entry of an answer to this query. Raises ValueError or KeyError."""
+def _entry(
+    query: Query, fields: Mapping[str, Any], metadata: Mapping[str, Any], who: str | None
+) -> Entry:
+    """The entry of an answer to this query, of the log's person if its line names nobody.
+
+    Raises ValueError or KeyError.
+    """
     if not isinstance(fields["used"], bool):
         raise ValueError(f"its used is {fields['used']!r}")
     verdict = fields["verdict"]
     if verdict is not None and (type(verdict) is not int or verdict not in (-1, 0, 1)):
         raise ValueError(f"its verdict is {verdict!r}, not -1, 0, 1 or null")
-    return Entry(
-        Answer(query, None if verdict is None else Verdict(verdict), fields["swapped"]),
-        fields["used"],
-        metadata,
-    )
+    said = metadata.get(WHO)
+    person = said if isinstance(said, str) and said.strip() else who
+    answer = Answer(query, None if verdict is None else Verdict(verdict), fields["swapped"], person)
+    return Entry(answer, fields["used"], metadata)
 
 
 def _withdrawn(entries: list[Entry], id: Any, told: Mapping[str, Any]) -> dict[int, Entry]:
@@ -515,10 +540,32 @@ def _marked(entries: list[Entry], id: Any, used: bool, told: Mapping[str, Any]) 
     )
 
 
+def check_person(log: AnswerLog, who: str | None) -> None:
+    """Raise BadLog if a log holds answers of another person than ``who``. None: of anybody.
+
+    Answers that name nobody, and those withdrawn, count for nothing.
+    """
+    if who is None:
+        return
+    named = {log.who} | {entry.answer.who for entry in log if not entry.retracted}
+    if others := sorted(name for name in named if name not in (None, who)):
+        held = ", ".join(map(repr, others))
+        raise BadLog(
+            f"{log.path or 'this log'} holds the answers of {held}, not of {who!r}. Keep the "
+            f"answers of {who!r} in a file of their own"
+        )
+
+
+def _check_same(known: Any, who: str) -> None:
+    """Raise ValueError if an answer of one person is said to be of another."""
+    if known is not None and known != who:
+        raise ValueError(f"an answer of {who!r} cannot be logged as one of {known!r}")
+
+
 def _agreed(header: dict[str, Any], wanted: Mapping[str, Any], path: Path) -> dict[str, Any]:
     """The header of a file, if it is one of a log that can be continued as wanted."""
     for name, value in wanted.items():
-        if name in ("format", "version") or (name in header and header[name] == value):
+        if name in ("format", "version", WHO) or (name in header and header[name] == value):
             continue
         found = (
             f"{name} = {header[name]!r}, not {value!r}"

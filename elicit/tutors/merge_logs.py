@@ -4,7 +4,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from elicit.tutors.answer_log import AnswerLog, Entry
+from elicit.tutors.answer_log import WHO, AnswerLog, Entry
 from elicit.tutors.log_lines import BadLog
 
 
@@ -12,13 +12,17 @@ def merge_logs(logs: Sequence[AnswerLog], out: str | os.PathLike[str]) -> None:
     """Write all answers of the logs to a new file, one log after the other.
 
     Answers of which two are copies of the same are written once. Withdrawn ones come first, so that
-    they take back no other's. What was asked is left out.
+    they take back no other's. What was asked is left out. Logs of several people become one in
+    which each answer says whose it is.
 
     Raises BadLog where the headers differ, ValueError for no logs, FileExistsError, OSError.
     """
     if not logs:
         raise ValueError("there are no logs to merge")
-    headers = [{name: log.header[name] for name in log.header if name != "version"} for log in logs]
+    headers = [
+        {name: log.header[name] for name in log.header if name not in ("version", WHO)}
+        for log in logs
+    ]
     for log, header in zip(logs, headers, strict=True):
         for name in {**headers[0], **header}:
             if name not in header or name not in headers[0] or header[name] != headers[0][name]:
@@ -32,7 +36,9 @@ def merge_logs(logs: Sequence[AnswerLog], out: str | os.PathLike[str]) -> None:
         raise FileExistsError(f"{out} exists: name a new file to merge into")
     entries = {_name_of(entry): entry for log in logs for entry in log}.values()
     free = {name: headers[0][name] for name in headers[0] if name not in ("format", "k")}
-    with AnswerLog(out, logs[0].k, free) as merged:
+    people = {log.who for log in logs}
+    one = people.pop() if len(people) == 1 else None
+    with AnswerLog(out, logs[0].k, free, one) as merged:
         for entry in sorted(
             entries, key=lambda entry: not entry.retracted
         ):  # which keeps the order otherwise
@@ -50,5 +56,6 @@ def _name_of(entry: Entry) -> str:
         query.right.tolist(),
         entry.answer.verdict,
         entry.answer.swapped,
+        entry.answer.who,
     )
     return repr((*told, sorted(entry.metadata.items()), entry.retracted))

@@ -21,7 +21,8 @@ class ReplayTutor:
     A pair is the same difference but for rounding, or its opposite.
 
     ``log`` is an AnswerLog, or any iterable of its entries or of Answers; what was not used then is
-    replayed too, what was retracted is not. A pair answered several times is replayed in the order
+    replayed too, what was retracted is not. A query that says whom it asks gets the answers of that
+    person only. A pair answered several times is replayed in the order
     of the log. The same query asked again gets the same answer again.
     """
 
@@ -47,7 +48,12 @@ class ReplayTutor:
         ways = self._ways(query)
         own = self._by_id.get(query.id, [])
         last = self._last.get(query.id, own[-1] if own else None)
-        candidates = np.flatnonzero(ways).tolist() if last is None else own
+        theirs = [
+            i
+            for i in np.flatnonzero(ways).tolist()
+            if query.who is None or self._answers[i].who == query.who
+        ]
+        candidates = theirs if last is None else own
         fresh = next((i for i in candidates if i not in self._replayed), last)
         if fresh is None:
             raise NotInLog(
@@ -72,10 +78,9 @@ class ReplayTutor:
         self._replayed.add(fresh)
         self._last[query.id] = fresh
         if ways[fresh] > 0:
-            return Answer(query, found.verdict, found.swapped)
-        return Answer(
-            query, None if found.verdict is None else found.verdict.flipped, not found.swapped
-        )
+            return Answer(query, found.verdict, found.swapped, found.who)
+        verdict = None if found.verdict is None else found.verdict.flipped
+        return Answer(query, verdict, not found.swapped, found.who)
 
     def _ways(self, query: Query) -> NDArray[np.int8]:
         """Return which answers (n,) are about the query's pair: 1, -1 if exchanged, else 0."""

@@ -43,12 +43,14 @@ def collected(
     gain[live] += ROUNDING
     total = np.zeros(mdp.n_states)
     if gain.max() > ROUNDING:
-        total = _greatest_total(mdp, gain, start, within)
+        total = greatest_total(mdp, gain, start, within)
     total[live] += over.doubt / (1 - mdp.discount)
     return np.clip(total, 0.0, 1.0)
 
 
-def _greatest_total(mdp: OrdinalMDP, gain: Floats, start: Floats | None, within: float) -> Floats:
+def greatest_total(
+    mdp: OrdinalMDP, gain: Floats, start: Floats | None = None, within: float = 0.0
+) -> Floats:
     """Return the greatest expected discounted total (S,) of gain (S, A), rounded up.
 
     Policy iteration proposes it, and a sweep certifies it. A gain of -inf marks an action that does

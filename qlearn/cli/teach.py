@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import argparse
+import re
 import shlex
 import sys
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
@@ -16,20 +18,28 @@ from qlearn.experiments.settings import FROM_0, INNER, SHARE, NameOrOwn, Number
 
 if TYPE_CHECKING:
     from elicit import Session, Subject
+    from qlearn.cli.teach_subjects import Taught
 
 _TAUGHT = tuple(name for name, entry in PROBLEMS.items() if entry.taught)
 _PROBLEM = NameOrOwn(_TAUGHT, "(seed) returns an OrdinalMDP, or (mdp, elicit.Words)")
 _PORT = Number(int, lambda n: 0 <= n <= 65535, "a port, from 1 to 65535, or 0 for a free one")
 _HOST = "127.0.0.1"
 _AUDIT = 0.1
+LONGEST_NAME = 80
 RECIPE = "recipe"
 """The field of a log's header that holds the options of ``qlearn teach`` that began it."""
+_BUDGET = Number(int, lambda n: 1 <= n < 10_000, "a whole number from 1 to 9999")
 _DAYS = Number(int, lambda n: n >= 2, "a whole number of at least 2")
 
 
-class PageOptions(TypedDict):
-    """The address at which a browser finds the questions, if ``web`` is given."""
+class SessionOptions(TypedDict):
+    """The person who answers, the planned number of questions, and the address of the page.
 
+    The address counts if ``web`` is given.
+    """
+
+    who: str | None
+    questions: int | None
     web: bool
     port: int
     host: str
@@ -72,7 +82,15 @@ def add_to(commands: Any) -> None:
         "--log",
         type=Path,
         metavar="FILE",
-        help="where the answers are kept [answers-PROBLEM.jsonl, here]",
+        help="where the answers are kept; with --who NAME it is answers-PROBLEM-NAME.jsonl "
+        "[answers-PROBLEM.jsonl, here]",
+    )
+    command.add_argument(
+        "--who",
+        type=_name_parser,
+        metavar="NAME",
+        help="name or pseudonym of the person who answers, for the log: each has a log of their "
+        "own. In a terminal, without a name and a --log, it is asked for at the start [nobody]",
     )
     command.add_argument(
         "--days",
@@ -101,6 +119,14 @@ def add_to(commands: Any) -> None:
         help="of an MDP: questions end once the policy can lose no more than this share of the "
         "value range "
         "[%(default)s]",
+    )
+    command.add_argument(
+        "--questions",
+        type=number_parser(_BUDGET),
+        metavar="N",
+        help="how many questions you have time for: says before the first what they are likely to "
+        "prove, which takes up to a minute (Ctrl+C skips it), and offers the result after so many "
+        "[no limit]",
     )
     command.add_argument(
         "--audit",
@@ -152,7 +178,7 @@ def run(
     seed: int,
     tolerance: float,
     audit: float,
-    **page: Unpack[PageOptions],
+    **how: Unpack[SessionOptions],
 ) -> int:
     """Run the command and return the exit code."""
     from elicit import AnswerLog, Session
@@ -160,20 +186,27 @@ def run(
     from qlearn.cli.teach_subjects import taught_by
     from qlearn.cli.teach_terminal import Terminal
 
+    questions = how["questions"]
     name = problem if isinstance(problem, str) else problem.name
     short = Path(name).stem if name.lower().endswith(".csv") else name.replace(":", "-")
-    path = log or Path(f"answers-{short}.jsonl")
+    try:
+        who = how["who"] or (None if log else _asked_name())
+    except KeyboardInterrupt:
+        return 130
+    path = log or Path(f"answers-{short}{'' if who is None else f'-{_in_a_path(who)}'}.jsonl")
     again = ["qlearn", "teach", "--problem", name, "--comparator", comparator, "--log", str(path)]
     again += ["--days", str(days), "--seed", str(seed), *([] if unit is None else ["--unit", unit])]
     again += [] if name.lower().endswith(".csv") else ["--tolerance", str(tolerance)]
+    again += [] if questions is None else ["--questions", str(questions)]
     again += [] if audit == _AUDIT else ["--audit", str(audit)]
-    if page["web"]:
+    again += [] if who is None else ["--who", who]
+    if how["web"]:
         again += [
             "--web",
-            *(["--port", str(page["port"])] if page["port"] else []),
-            *([] if page["host"] == _HOST else ["--host", page["host"]]),
+            *(["--port", str(how["port"])] if how["port"] else []),
+            *([] if how["host"] == _HOST else ["--host", how["host"]]),
         ]
-        again += ["--let-others-in"] if page["let_others_in"] else []
+        again += ["--let-others-in"] if how["let_others_in"] else []
     with ExitStack() as stack:
         try:
             taught = taught_by(problem, comparator, days, unit, seed, tolerance)
@@ -189,17 +222,69 @@ def run(
                 "tolerance": tolerance,
             }
             header = {**taught.header, **_begun_with(path, recipe)}
-            kept = stack.enter_context(AnswerLog(path, len(taught.subject.labels), header))
-            session = stack.enter_context(Session(taught.make, kept, audit=audit, seed=seed))
+            kept = stack.enter_context(AnswerLog(path, len(taught.subject.labels), header, who))
+            session = stack.enter_context(
+                Session(taught.make, kept, who=who, audit=audit, seed=seed)
+            )
         # a package is missing, a problem cannot be, a log is in use, damaged, another's, or not to
         # be written
         except (ImportError, ValueError, OSError) as error:
             return fail(str(error))
         except KeyboardInterrupt:
             return 130
-        if page["web"]:
-            return _served(session, taught.subject, shlex.join(again), page)
-        return Terminal(session, taught.subject, shlex.join(again)).converse()
+        if questions is not None:
+            _say_plan(taught, session, questions)
+        if how["web"]:
+            return _served(session, taught.subject, shlex.join(again), how)
+        return Terminal(session, taught.subject, shlex.join(again), questions).converse()
+
+
+def _say_plan(taught: Taught, session: Session, questions: int) -> None:
+    """Print what so many questions are likely to prove, unless that is interrupted or unknown."""
+    from elicit.person.asker import Compares
+
+    asker = session.current_asker()
+    if taught.plan is None or not isinstance(asker, Compares) or not asker.ask():
+        return
+    print(
+        f"Simulating sessions of {questions} questions (up to a minute; Ctrl+C skips this) ...",
+        file=sys.stderr,
+        flush=True,
+    )
+    with suppress(KeyboardInterrupt):
+        print(f"Your plan: {taught.plan(asker.comparator, questions)}", flush=True)
+
+
+def _name_parser(text: str) -> str:
+    """An argparse type: a name of at most ``LONGEST_NAME`` characters that can be printed."""
+    from elicit.person.showing import printable
+
+    name = " ".join(printable(text).split())
+    if not name or len(name) > LONGEST_NAME:
+        raise argparse.ArgumentTypeError(
+            f"a name has 1 to {LONGEST_NAME} characters, not {text[:LONGEST_NAME]!r}"
+        )
+    return name
+
+
+def _asked_name() -> str | None:
+    """Ask for the name of the person who answers; None if nobody is there to ask, or to tell."""
+    if not sys.stdin.isatty():  # then the lines are answers
+        return None
+    while True:
+        print("Your name or a pseudonym, for the log (Enter: none): ", end="", flush=True)
+        said = sys.stdin.readline()
+        if not said.strip():
+            return None
+        try:
+            return _name_parser(said)
+        except argparse.ArgumentTypeError as error:
+            print(f"{error}.")
+
+
+def _in_a_path(who: str) -> str:
+    """Return a name as a part of a file's name: letters, digits, and hyphens for all else."""
+    return re.sub(r"[^\w]+", "-", who).strip("-_") or "person"
 
 
 def _begun_with(path: Path, recipe: dict[str, Any]) -> dict[str, Any]:
@@ -219,7 +304,7 @@ def _begun_with(path: Path, recipe: dict[str, Any]) -> dict[str, Any]:
     return {RECIPE: header[RECIPE]} if RECIPE in header else {}
 
 
-def _served(session: Session, subject: Subject, again: str, page: PageOptions) -> int:
+def _served(session: Session, subject: Subject, again: str, how: SessionOptions) -> int:
     """Serve the page until Ctrl+C, and return the exit code."""
     from elicit.person.hosts.web import serve
     from elicit.person.showing import printable
@@ -228,9 +313,9 @@ def _served(session: Session, subject: Subject, again: str, page: PageOptions) -
         serve(
             session,
             subject,
-            page["host"],
-            page["port"],
-            let_others_in=page["let_others_in"],
+            how["host"],
+            how["port"],
+            let_others_in=how["let_others_in"],
         )
     # a package is missing, an address lets others in, a port is in use
     except (ImportError, ValueError, OSError) as error:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
@@ -18,6 +18,7 @@ import numpy as np
 
 from elicit.asking.bags import Bags
 from elicit.asking.choose_from_list import choose
+from elicit.model.comparator import Comparator, offers
 from elicit.model.scale import Floats
 from elicit.person.asker import MakeAsker
 from elicit.person.course.conclusion import SessionFacts, per_hundred
@@ -33,10 +34,12 @@ from qlearn.cli.conclusions import (
 )
 from qlearn.experiments.catalogue import COMPARATORS, PROBLEMS
 from qlearn.experiments.factories import Own
+from qlearn.learners.expected_bounds import expected_bounds
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.problems.families.words import WORDS
 
+_SESSIONS = {"polytope": 12, "posterior": 4}  # simulated; one takes about 1 s, and 8 to 25 s
 _RANDOM = (30, 3, 5, 0.9)  # states, actions, levels, discount
 
 
@@ -54,12 +57,16 @@ class Taught:
     hint : str
         A sentence to whoever starts the program on what the problem should say; "" if nothing is
         missing.
+    plan : function or None
+        Says what so many questions are likely to prove, from the comparator and their number. None
+        if it cannot be said.
     """
 
     subject: Subject
     make: MakeAsker
     header: dict[str, Any]
     hint: str = ""
+    plan: Callable[[Comparator, int], str] | None = None
 
 
 def taught_by(
@@ -95,7 +102,13 @@ def taught_by(
         conclude=partial(policy_conclusion, told, mdp, names, legend),
         facts=_facts(problem, header, comparator, seed, ("Tolerance", per_hundred(tolerance))),
     )
-    return Taught(subject, make, header)
+
+    def plan(known: Comparator, questions: int) -> str:
+        runs = _SESSIONS["posterior" if offers(known, "level") else "polytope"]
+        how: dict[str, Any] = {"tolerance": tolerance, "bags": Bags(days=days)}
+        return str(expected_bounds(mdp, known, questions, runs=runs, seed=seed, **how))
+
+    return Taught(subject, make, header, plan=plan)
 
 
 def _facts(

@@ -37,9 +37,15 @@ _LEAST_BAR = 10
 
 
 class Terminal:
-    """A session with the person at standard input. again: the command that goes on."""
+    """A session with the person at standard input.
 
-    def __init__(self, session: Session, subject: Subject, again: str) -> None:
+    again: the command that goes on. questions: how many the person has time for, if they say.
+    """
+
+    def __init__(
+        self, session: Session, subject: Subject, again: str, questions: int | None = None
+    ) -> None:
+        self._questions = questions
         self._interview, self._log, self._again = Interview(session, subject), session.log, again
         self._finer = subject.finer
         self._width = min(max(shutil.get_terminal_size().columns, NARROWEST), _WIDEST)
@@ -74,6 +80,9 @@ class Terminal:
             self._say(screen["note_beside"])
         if screen["answered"]:
             self._say(f"Going on after {_answers(screen['answered'])}.")
+            if self._questions is not None:
+                further = screen["answered"] + self._questions
+                screen = self._handle("start", budget=f"{further}")
         while True:
             if screen["note"]:
                 self._say(screen["note"])
@@ -81,7 +90,7 @@ class Terminal:
             match screen["stage"]:
                 case "welcome":
                     self._welcome(screen["welcome"])
-                    screen = self._handle("start")
+                    screen = self._handle("start", budget=f"{self._questions or ''}")
                     continue
                 case "practice":
                     self._say("\nPractice question: your answer is not saved.\n")

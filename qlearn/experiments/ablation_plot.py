@@ -22,6 +22,8 @@ from qlearn.experiments.settings import ORDER
 _BUDGET: dict[str, Any] = {"color": "0.45", "linestyle": (0, (2, 2)), "linewidth": 1}
 _INCHES_A_CHARACTER = 0.075  # of a legend's text, of the default font and size
 _INCHES_A_HANDLE = 0.75  # of its handle and the space between two columns
+_UNASKED: dict[str, Any] = {"color": "0.6", "linestyle": "-", "linewidth": 2.2}
+_NONE = "none"  # the row of the table for the policy of equal gaps, which asks nothing
 _LINES, _INCHES_A_LINE = (
     5,
     0.21,
@@ -29,6 +31,7 @@ _LINES, _INCHES_A_LINE = (
 _ASKED = "questions asked\n(log scale)"
 _LOST = "policy loss, %\n(log scale beyond 0.1)"
 LEGEND = """\
+none         nobody is asked: the policy that is best if the steps between neighbouring levels are equal
 errors       chance that the tutor answers wrongly, or the name of a tutor of yours
 seeds        over which the means of the row are taken; "3 of 8": the rest had not finished
 questions    asked, mean over the seeds ± half the width of the 95% t-interval
@@ -61,6 +64,7 @@ def table(
             _cells(row, conflicts.get((row.comparator, row.error_rate), ""), seeds)
             for row in part.sort_values("audit", kind="stable").itertuples()
         ]
+        cells = [*_unasked_cells(part, seeds), *cells]
         text = pd.DataFrame(cells).set_index("comparator").rename_axis(None).to_string()
         parts.append(
             f"{_called(names, 'problem', str(problem))}, "
@@ -82,7 +86,7 @@ def plot_ablation(
     hidden values, by the tutor's error rate. A line joins the error rates of a comparator; tutors
     of yours stand beside them, by name, and no line joins them. With 95% t-intervals if there are
     three seeds or more: of two they would hide all else. Hollow markers: the budget was spent in at
-    least one run.
+    least one run. A grey horizontal line is the loss of asking nothing.
 
     ``summary`` is ``ablation.summarise(...)``; audited runs are not drawn. ``max_queries`` draws
     the budget, ``names`` overrides ``NAMES``, and where points have fewer runs than ``seeds`` the
@@ -104,6 +108,9 @@ def plot_ablation(
             part = plain[(plain.problem == problem) & (plain.learner == learner)]
             _paths(asked, part, part.asked, part.asked_half, looks, tutors)
             _paths(lost, part, 100 * part.loss, 100 * part.loss_half, looks, tutors)
+            unasked = _unasked_row(part)
+            if unasked is not None:
+                lost.axhline(100 * unasked.loss_unasked, zorder=1, **_UNASKED)
             _scales(asked, lost, max_queries)
             asked.set_ylim(0, 3 * max(10, plain.asked.max()))
             lost.set_ylim(0, 200 * max(0.001, _highest(plain[plain.problem == problem])))
@@ -125,6 +132,9 @@ def plot_ablation(
     ]
     if max_queries is not None:
         handles.append(Line2D([], [], label="budget", **_BUDGET))
+    if "loss_unasked" in plain:
+        label = "asked nothing (equal gaps)"
+        handles.append(Line2D([], [], label=label, **_UNASKED))
     if (plain.budget_spent > 0).any():
         hollow: dict[str, Any] = {
             "color": "0.35",
@@ -158,12 +168,13 @@ def plot_ablation(
 
 
 def _highest(rows: pd.DataFrame) -> float:
-    """Return the greatest mean loss, or upper end of an interval that is drawn.
+    """Return the greatest loss that is drawn: a mean, an end of an interval, or of asking nothing.
 
     It is a share of the value range.
     """
     half = rows.loss_half.where(rows.runs > 2).fillna(0.0)
-    return float((rows.loss + half).max())
+    highest = float((rows.loss + half).max())
+    return max(highest, float(rows.loss_unasked.max())) if "loss_unasked" in rows else highest
 
 
 def _called(names: Mapping[str, str] | None, column: str, name: str) -> str:
@@ -257,6 +268,42 @@ def _scales(asked: Axes, lost: Axes, max_queries: int | None) -> None:
         asked.axhline(max_queries, zorder=0, **_BUDGET)
 
 
+def _unasked_row(part: pd.DataFrame) -> Any:
+    """Return the row with most seeds, whose loss of asking nothing is shown; None if unknown.
+
+    Asking nothing has the same loss beside every comparator of a problem, but for missing seeds.
+    """
+    if "loss_unasked" not in part or not part.loss_unasked.notna().any():
+        return None
+    known = part[part.loss_unasked.notna()]
+    return known.iloc[int(np.argmax(known.runs))]
+
+
+def _unasked_cells(part: pd.DataFrame, seeds: int | None) -> list[dict[str, str]]:
+    """Return the table's line for asking nothing, if the summary has its loss."""
+    row = _unasked_row(part)
+    if row is None:
+        return []
+    return [
+        {
+            "comparator": _NONE,
+            "errors": "",
+            "seeds": _seeds(row.runs, seeds),
+            "questions": "0",
+            "% asked": "",
+            "loss %": _with_half(100 * row.loss_unasked, 100 * row.loss_unasked_half, 2),
+            "wrong %": "",
+            "after 1st": "",
+            "audits to conflict": "",
+            "notes": "",
+        }
+    ]
+
+
+def _seeds(runs: Any, seeds: int | None) -> str:
+    return f"{int(runs)}" if seeds in (None, runs) else f"{int(runs)} of {seeds}"
+
+
 def _cells(row: Any, conflict: str, seeds: int | None) -> dict[str, str]:
     """A row of the summary as a line of the table."""
     tutor = row.error_rate if isinstance(row.error_rate, str) else f"{100 * row.error_rate:.3g}%"
@@ -264,7 +311,7 @@ def _cells(row: Any, conflict: str, seeds: int | None) -> dict[str, str]:
     return {
         "comparator": f"{row.comparator} *" if row.audit else row.comparator,
         "errors": tutor,
-        "seeds": f"{int(row.runs)}" if seeds in (None, row.runs) else f"{int(row.runs)} of {seeds}",
+        "seeds": _seeds(row.runs, seeds),
         "questions": _with_half(row.asked, row.asked_half, 0),
         "% asked": _number(row.asked_percent_open, 2),
         "loss %": _with_half(100 * row.loss, 100 * row.loss_half, 2),

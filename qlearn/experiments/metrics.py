@@ -42,6 +42,7 @@ MEASURES = (
     "paper_loss_percent",
     "loss",
     "loss_initial",
+    "loss_unasked",
     "excess_loss",
     "excess_loss_initial",
 )
@@ -215,7 +216,8 @@ def summarise(frame: DataFrame) -> DataFrame:
     """Return one row a cell, over its seeds, with the mean of each of ``MEASURES``.
 
     ``<name>_half`` is half the width of its 95% t-interval (nan from one seed). Runs for which a
-    measure is not defined are left out.
+    measure is not defined are left out, and so is a measure that the frame has no column for, such
+    as ``loss_unasked`` (the loss of ``equal_gaps_policy``) in a file of an earlier version.
 
     ``wrong_percent`` is in percent of the verdicts that a comparator decided,
     ``wrong_percent_after`` of those after the tutor's first wrong answer. Excess losses are paired
@@ -237,7 +239,8 @@ def summarise(frame: DataFrame) -> DataFrame:
     )
     groups = wide.groupby(list(CELL), sort=False)
     counts = groups[["runs", "budget_spent", "sweep_limit", "contradicted", "audit_wrong"]].sum()
-    summary: DataFrame = counts.join(means(groups, MEASURES)).reset_index()
+    measured = [name for name in MEASURES if name in wide]
+    summary: DataFrame = counts.join(means(groups, measured)).reset_index()
     return summary
 
 

@@ -40,6 +40,7 @@ from qlearn.experiments.own_parts import comparator_of, learner_of, problem_of, 
 from qlearn.experiments.parallel import Cell, Interrupted, SweepOptions, sweep
 from qlearn.experiments.settings import ORDER, Settings
 from qlearn.learners.learner import Learner, drive
+from qlearn.mdp.equal_gaps import equal_gaps_policy
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import policy_loss, value_iteration
 
@@ -75,6 +76,7 @@ class Run(NamedTuple):
 
 _reference = lru_cache(maxsize=32)(reference_differences)
 _solved = lru_cache(maxsize=32)(value_iteration)
+_unasked = lru_cache(maxsize=32)(equal_gaps_policy)
 
 TUTORS: Mapping[str, Callable[[OrdinalMDP, Floats, float, int], SimulatedTutor]] = {
     "flip": lambda mdp, values, rate, seed: FlippingTutor(values, rate, seed),
@@ -116,7 +118,9 @@ def run(
         )  # more answers may be wrong than it allows for
         result = drive(learner, tutor, on_conflict="drop" if may_conflict else "raise")
         seconds = perf_counter() - start
-        loss = policy_loss(mdp, result.policy, values, optimum=_solved(mdp, tuple(values))[0])
+        optimum = _solved(mdp, tuple(values))[0]
+        loss = policy_loss(mdp, result.policy, values, optimum=optimum)
+        unasked = policy_loss(mdp, _unasked(mdp), values, optimum=optimum)
         row = {
             **cell,
             **counts(result),
@@ -125,6 +129,7 @@ def run(
             **audits(result, values),
             "loss": float(np.mean(loss)),
             "loss_initial": float(mdp.initial @ loss),
+            "loss_unasked": float(np.mean(unasked)),
         }
         return Run(
             row, estimated_values(mdp, result.q, values), greatest_reward(mdp, values), seconds

@@ -16,6 +16,7 @@ from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
 from elicit.asking.elicitation import AnsweredQuery, Audit, Elicitation, OnConflict, Pair, Watcher
 from elicit.comparators.baselines import AlwaysAsk
+from elicit.comparators.panel import Panel
 from elicit.model.comparator import Comparator, Tier, check_comparator_made, wrong_of
 from elicit.model.needs import Needs
 from elicit.model.outcomes import Status, assumed_of_answers
@@ -31,6 +32,7 @@ from elicit.model.query import (
 from elicit.model.scale import Floats
 from elicit.model.tutor import TutorOfMany, check_tutor_made
 from elicit.tutors.answer_log import EXPECTED, AnswerLog
+from elicit.tutors.panel import PanelTutor
 from qlearn.certificates.loss_bound import BOUNDING, Guarantee, loses_at_most, loss_bound
 from qlearn.learners.action_pair_kernel import AnswersInLoops
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -41,6 +43,9 @@ TutorLike: TypeAlias = Callable[[Query], Answer | int]
 """A ``Tutor``, or a function that returns a verdict on the query's left vector in place of an
 Answer.
 """
+
+Tutors: TypeAlias = TutorLike | Mapping[str, TutorLike]
+"""One tutor, or the tutor of each person by name: see ``elicit.PanelTutor``."""
 
 
 def place(mdp: OrdinalMDP, state: int, a: int, b: int) -> tuple[str, str, tuple[int, int, int]]:
@@ -142,6 +147,7 @@ class Result:
     shares: Floats | Callable[[], Floats]
     guarantee: Callable[[], Guarantee]
     discount: float
+    member_guarantees: Callable[[], Mapping[str, Guarantee]] = dict
 
     def __str__(self) -> str:
         """Return the status, the number of questions, and what the loss bound means.
@@ -151,7 +157,8 @@ class Result:
         questions = (
             "1 question was asked" if self.asked == 1 else f"{self.asked:,} questions were asked"
         )
-        return f"{self.status.sentence}\n{questions}.\n{self._loss_in_words()}"
+        words = f"{self.status.sentence}\n{questions}.\n{self._loss_in_words()}"
+        return "\n".join([words, *self._members_in_words()])
 
     def __repr__(self) -> str:
         parts = [f"status={self.status.name}", f"asked={self.asked}"]
@@ -201,6 +208,30 @@ class Result:
         level for a posterior. nan if none can be stated.
         """
         return float(self._guaranteed.confidence)
+
+    @cached_property
+    def _of_members(self) -> Mapping[str, Guarantee]:
+        return self.member_guarantees()
+
+    @property
+    def member_loss_bounds(self) -> dict[str, float]:
+        """Upper bounds on what the policy loses each member of a panel, by name.
+
+        Each is of the member's own scale alone, at the worst state, as a share of the value range.
+        Without a panel there are none.
+        """
+        return {name: float(found.loss_bound) for name, found in self._of_members.items()}
+
+    def _members_in_words(self) -> list[str]:
+        if len(self._of_members) < 2:
+            return []
+        said = ", ".join(
+            f"{name} {_rounded_up(100 * bound)}%" for name, bound in self.member_loss_bounds.items()
+        )
+        return [
+            "That is by the mean scale of all. By their own scale it loses each at most, of the "
+            f"value range: {said}."
+        ]
 
     def _loss_in_words(self) -> str:
         if np.isnan(self.loss_bound):
@@ -381,7 +412,17 @@ class Learner:
             rounds=rounds,
             guarantee=guarantee or partial(loss_bound, mdp, policy.copy(), elicitation.comparator),
             discount=mdp.discount,
+            member_guarantees=partial(_of_members, mdp, policy.copy(), elicitation.comparator),
         )
+
+
+def _of_members(
+    mdp: OrdinalMDP, policy: NDArray[np.int64], comparator: Comparator
+) -> dict[str, Guarantee]:
+    """Return the guarantee of a policy (S,) for each member of a panel."""
+    if not isinstance(comparator, Panel):
+        return {}
+    return {name: loss_bound(mdp, policy, member) for name, member in comparator.members.items()}
 
 
 class Drivable(Protocol[R_co]):
@@ -420,7 +461,7 @@ class AsksWithin(Protocol):
 
 def drive(
     learner: Drivable[R_co],
-    tutor: TutorLike,
+    tutor: Tutors,
     log: AnswerLog | None = None,
     progress: Callable[[R_co], None] | None = None,
     on_conflict: OnConflict = "raise",
@@ -430,7 +471,8 @@ def drive(
     It has then finished, or waits for a policy to be trained.
 
     The tutor returns an Answer, or a verdict on the query's left vector: a Verdict, or 1, 0, -1. To
-    say "cannot tell", it returns ``Answer(query, None)``.
+    say "cannot tell", it returns ``Answer(query, None)``. Of several people, give the tutor of each
+    by name: ``{"ann": tutor, "ben": another}``.
 
     Every answer goes to ``log`` before the learner is told. One that contradicts the others is then
     marked unused there, and either raises InconsistentAnswers or (``on_conflict="drop"``) decides
@@ -441,6 +483,7 @@ def drive(
     logged, where the tutor answers what was not asked.
     """
     require(on_conflict in ("raise", "drop"), "on_conflict", "'raise' or 'drop'", on_conflict)
+    tutor = PanelTutor(tutor) if isinstance(tutor, Mapping) else tutor
     check_tutor_made(tutor, learner.comparator.k)
     signs = _signs_of(tutor) if isinstance(learner.comparator, AlwaysAsk) else None
     if signs is not None:

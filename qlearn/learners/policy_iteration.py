@@ -16,14 +16,16 @@ from elicit._support.threads import one_thread
 from elicit._support.validation import require
 from elicit.asking.bags import Bags
 from elicit.asking.confirming import confirming_question
-from elicit.asking.cuts import CUTTING, closing_cut
+from elicit.asking.cuts import CUTTING, closing_cut, closing_cut_of_one
 from elicit.asking.elicitation import Elicitation, Pair, Place
 from elicit.asking.options import AskingOptions, check_options, filled
+from elicit.comparators.panel import Panel
 from elicit.decision.verdicts import decide
 from elicit.model.comparator import (
     Comparator,
     Tier,
     Tiers,
+    people_of,
     simultaneous_bounds,
     trusted_share,
     wrong_of,
@@ -297,7 +299,8 @@ class InteractivePolicyIteration(Learner):
         )
         known = elicitation.comparator
         proven = not CUTTING.missing(known) and drawn_set(known) is None
-        if not (plain and proven):
+        several = len(people_of(known)) > 1
+        if not (plain and proven) or (several and not isinstance(known, Panel)):
             return None
         undecided = product((scores > candidates.limit).any(axis=0), candidates.weights)
         wrong = wrong_of(known)
@@ -306,18 +309,23 @@ class InteractivePolicyIteration(Learner):
         high = simultaneous_bounds(known, candidates.d)[0]
         most = np.argsort(-high, kind="stable")[: TUNING.closed]
         limit = TUNING.close * self._enough
-        d = candidates.d[most]
-        if wrong:
+        cut: Floats | None
+        who: str | None
+        d, who = candidates.d[most], None
+        if several and isinstance(known, Panel):
+            of_one = closing_cut_of_one(known, d, high[most], limit)
+            who, cut = (None, None) if of_one is None else of_one
+        elif wrong:
             found = confirming_question(known, d, limit)
             if found.row >= 0:
                 return self._pair(over, int(rows[most[found.row]]))
-            cut: Floats | None = found.d
+            cut = found.d
         else:
             cut = closing_cut(known, candidates.draws, d, high[most], limit, instead)
         if cut is None:
             return None
         left, right = np.maximum(cut, 0.0), np.maximum(-cut, 0.0)
-        pair = Pair(left, right, "two mixtures of levels: left or right?")
+        pair = Pair(left, right, "two mixtures of levels: left or right?", who=who)
         return pair if elicitation.may_ask(cut[None], lambda _: pair.place).all() else None
 
     def _settled_by(self, over: Advantages) -> NDArray[np.int8]:

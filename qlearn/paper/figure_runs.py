@@ -31,6 +31,7 @@ _NOT_SHOWN = [
     "learner",
     "audit",
     "c",
+    "loss_unasked",
     "excess_loss_initial",
 ]  # of a run: the same in all, or of no use here
 

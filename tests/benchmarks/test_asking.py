@@ -14,7 +14,7 @@ from benchmarks.asking import question_counts as questions
 from benchmarks.learning import scalar_solvers
 from benchmarks.quotes import tables
 from elicit import PolytopeComparator, Query, TruthfulTutor
-from qlearn import InteractivePolicyIteration, drive, random_mdp
+from qlearn import InteractivePolicyIteration, drive, random_mdp, unasked_loss
 from qlearn.experiments.metrics import reference_differences
 from tests.report_cases import table_rows
 from tests.thoroughness import scaled, thorough
@@ -81,6 +81,7 @@ def test_the_report_says_how_many_questions():
     assert "How many questions will my expert have to answer?" in text
     assert "| k = 5 | 10% | posterior | no | 11 | 12 | 100% |" in text
     assert "1.00<br>≤ 2.00" in text
+    assert "\n| asked nothing | equal gaps | 0 | " in text
     assert "11 ± 13" in text  # t = 12.7 of two seeds
 
 
@@ -95,9 +96,11 @@ def test_a_line_on_certificates_counts_questions_and_kept_bounds(monkeypatch):
 
     cells = line("policy iteration", certified.NEVER)
     assert cells[:5] == ["k = 5", "policy iteration", "never", "0.005%", "2"]
-    assert cells[7:10] == ["0", "100.0% [15.8, 100.0]", "0.0%"]
+    losses = [unasked_loss(*certified.problem("k = 5", seed)).worst for seed in range(2)]
+    assert float(cells[5].split()[0]) == pytest.approx(100 * sum(losses) / 2, abs=0.051)
+    assert cells[8:11] == ["0", "100.0% [15.8, 100.0]", "0.0%"]
     fewer, more = (
-        float(line(who, certified.NEVER)[5].split()[0])
+        float(line(who, certified.NEVER)[6].split()[0])
         for who in ("policy iteration", "value iteration")
     )
     assert fewer < more
@@ -113,7 +116,7 @@ def test_a_run_that_spends_its_budget_is_counted_with_its_wrong_answers(monkeypa
     lines = certified.line(
         cell, [row, row | {"spent": False, "kept": False, "wrong": 3, "asked": 12}]
     )
-    assert lines[5:10] == [
+    assert lines[6:11] == [
         "10.0 ± 25.4",
         "12",
         "1",

@@ -21,7 +21,7 @@ def test_a_row_counts_bounds_that_were_given_and_kept():
     )
     assert row["bound kept"] == "50.0% of 2"
     assert row["worst"] == "10.00"
-    assert row["equal gaps lose"] == "20.0, 20.0"
+    assert row["asked nothing"] == "20.0, 20.0"
     assert row["ends"] == "converged"
 
 

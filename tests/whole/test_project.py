@@ -29,6 +29,7 @@ ORDER = (  # a folder imports from those before it; folders side by side do not 
     ("qlearn.problems.families",),
     ("qlearn.problems",),
     ("qlearn.certificates",),
+    ("qlearn.panel",),
     ("qlearn.learners.rounds",),
     ("qlearn.learners",),
     ("qlearn.training",),

@@ -114,7 +114,7 @@ class Cells:
         """
         if len(self.parts) == 1:
             return np.ones(1)
-        log_volume = np.array([_log_volume(part.scales.draws) for part in self.parts])
+        log_volume = np.array([log_volume(part.scales.draws) for part in self.parts])
         wrong = np.array([len(part.wrong) for part in self.parts])
         weights = np.exp(log_volume - log_volume.max()) * WRONG_ODDS**wrong
         return np.asarray(weights / weights.sum())
@@ -157,7 +157,7 @@ class Cells:
             return
         if (right := _told(scales, one)) is not None:
             yield PolytopeCell(right, part.wrong)
-        if may and (flipped := _told(scales, Answers(one.d, -one.y, one.ids))) is not None:
+        if may and (flipped := _told(scales, Answers(one.d, -one.y, one.ids, one.who))) is not None:
             yield PolytopeCell(flipped, wrong)
 
 
@@ -189,7 +189,7 @@ def _explained(
     is a culprit."""
 
     def possible(rows: Sequence[int], blank: PolytopeComparator) -> bool:
-        some = Answers(answers.d[rows], answers.y[rows], [answers.ids[row] for row in rows])
+        some = answers.take(rows)
         return bool(Cells([PolytopeCell(blank, ())], most).update(some, 0).parts)
 
     rows = list(range(len(answers)))
@@ -234,7 +234,7 @@ def _unequal(one: Answers, tie: float) -> Iterator[Answers]:
         yield Answers(d, [1], one.ids)
 
 
-def _log_volume(draws: Draws) -> float:
+def log_volume(draws: Draws) -> float:
     """Return the logarithm of a set's volume, but for a constant: that of the ellipsoid by which
     draws scatter.
 

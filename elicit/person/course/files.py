@@ -68,7 +68,7 @@ def answer_row(number: int, entry: Entry, shown: ShowsCounts, sentence: str) -> 
     return {
         "number": number,
         "time": entry.metadata.get("time"),
-        "who": entry.metadata.get("who"),
+        "who": entry.answer.who,
         "a": " ".join(map(str, counts["a"])),
         "b": " ".join(map(str, counts["b"])),
         "of": counts["of"],

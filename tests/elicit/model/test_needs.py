@@ -8,6 +8,8 @@ from elicit import (
     BradleyTerryComparator,
     Dominance,
     Needs,
+    OpenOrderComparator,
+    Panel,
     PolytopeComparator,
     PosteriorComparator,
     RelaxedPolytopeComparator,
@@ -20,8 +22,10 @@ OURS = (
     RelaxedPolytopeComparator(4),
     PosteriorComparator(4, seed=0),
     BradleyTerryComparator(4, seed=0),
+    OpenOrderComparator(4),
     Dominance(4),
     AlwaysAsk(4),
+    Panel({name: PosteriorComparator(4, seed=0) for name in ("ann", "ben")}),
 )
 
 
@@ -36,7 +40,7 @@ def test_an_error_names_the_part_the_consumer_and_who_has_it():
         needs = Needs(required=("answers", "lapse"), used=("tie",))
 
     check_needs(PosteriorComparator(4, seed=0), Wants)
-    message = r"Polytope\w+ has no lapse, which Wants needs \(the share .*PosteriorComparator have"
+    message = r"Polytope\w+ has no lapse, which Wants needs \(the share .*Comparator, Panel have"
     with pytest.raises(TypeError, match=message):
         check_needs(PolytopeComparator(4), Wants)
     with pytest.raises(TypeError, match="Dominance has no answers, which Wants needs"):

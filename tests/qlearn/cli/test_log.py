@@ -103,7 +103,9 @@ def test_export(path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     read = Answers.from_csv(table)
     assert (read.ids, read.y.tolist(), read.d.tobytes()) == (("a",), [1], told.d.tobytes())
     assert cli.main(["log", "export", str(path), str(path)]) == 0
-    assert capsys.readouterr().out.splitlines()[0] == "id,d_1,d_2,d_3,answer"
+    first, row, *_ = capsys.readouterr().out.splitlines()
+    assert (first, row.split(",")[-1]) == ("id,d_1,d_2,d_3,answer,who", "ann")
+    assert read.who == told.who == ("ann",)
     assert cli.main(["log", "export", str(damage(path)), "--out", str(tmp_path / "x")]) == 1
     assert not (tmp_path / "x").exists()
     empty = tmp_path / "empty"

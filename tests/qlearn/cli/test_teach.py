@@ -47,6 +47,10 @@ def number(seed: int) -> int:
     return seed
 
 
+class Typed(io.StringIO):
+    """What somebody types; no terminal, unless a test says so."""
+
+
 def taught(
     typed: str,
     monkeypatch: pytest.MonkeyPatch,
@@ -57,7 +61,7 @@ def taught(
     """The exit code, output and errors of the command in this process, with these lines for
     input.
     """
-    monkeypatch.setattr(sys, "stdin", io.StringIO(typed))
+    monkeypatch.setattr(sys, "stdin", Typed(typed))
     monkeypatch.setenv("COLUMNS", f"{columns}")
     code = main(["teach", *options])
     shown = capsys.readouterr()
@@ -380,6 +384,25 @@ def test_at_the_end_the_keys_of_the_end_are_said(
     assert "w: why" not in after
 
 
+def test_a_plan_is_said_before_the_first_question_and_ends_the_session(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ("--problem", "random", "--questions", "2", "--audit", "0", "--tolerance", ".001")
+    log = f"{tmp_path / 'a.jsonl'}"
+    code, shown, _ = taught("a\n" * 3 + "1\n\n", monkeypatch, capsys, *options, "--log", log)
+    assert code == 0
+    said = " ".join(shown.split())
+    plan = "Your plan: 2 questions proved a loss of at most"
+    assert said.index(plan) < said.index("Question 1")
+    assert "You planned 2 questions, and answered 2." in said
+    assert "This is the result so far. More could be asked." in said
+    assert "It could still lose as much as" in said
+    code, shown, _ = taught("a\n" * 2 + "q\n", monkeypatch, capsys, *options, "--log", log)
+    assert "You planned 4 questions, and answered 4." in " ".join(shown.split())
+    with pytest.raises(SystemExit):
+        main(["teach", "--questions", "0"])
+
+
 MORE = r"Question \d+ \((about \d+( to \d+)? more|perhaps the last one)\)"
 
 
@@ -685,3 +708,36 @@ def test_a_family_is_taught_in_its_own_words_and_a_seed_draws_it(
     assert "A steady post or a venture" in shown
     assert "Two groups of 10 years" in shown
     assert "It loses at most as much as" in report(shown)
+
+
+def test_two_people_in_one_folder_have_a_log_each(
+    table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    typed = "a\na\nq\n"
+    for name in ("Ann", "Dr. Ben & co"):
+        _, shown, _ = taught(typed, monkeypatch, capsys, table, "--who", name)
+        assert "Going on" not in shown
+        assert "--who" in shown
+    for name, path in (("Ann", "Ann"), ("Dr. Ben & co", "Dr-Ben-co")):
+        log = AnswerLog.read(f"answers-care-{path}.jsonl")
+        assert (log.who, {entry.answer.who for entry in log}) == (name, {name})
+    before = Path("answers-care-Ann.jsonl").read_bytes()
+    options = ("--who", "Ben", "--log", "answers-care-Ann.jsonl")
+    code, _, errors = taught(typed, monkeypatch, capsys, table, *options)
+    assert code == 1
+    assert "holds the answers of 'Ann', not of 'Ben'" in errors
+    assert Path("answers-care-Ann.jsonl").read_bytes() == before
+
+
+def test_a_terminal_asks_for_a_name_once_and_enter_passes_on(
+    table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(Typed, "isatty", lambda _: True)
+    _, shown, _ = taught("Ann\na\na\nq\n", monkeypatch, capsys, table)
+    assert shown.startswith("Your name or a pseudonym")
+    assert AnswerLog.read("answers-care-Ann.jsonl").who == "Ann"
+    _, shown, _ = taught(f"{'x' * 81}\n\na\na\nq\n", monkeypatch, capsys, table)
+    assert "a name has 1 to 80 characters" in shown
+    assert AnswerLog.read("answers-care.jsonl").who is None
+    _, shown, _ = taught("a\na\nq\n", monkeypatch, capsys, table, "--log", "answers-care.jsonl")
+    assert "Your name" not in shown

@@ -13,7 +13,14 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from elicit import FlippingTutor, PolytopeComparator, Tier, TruthfulTutor
 from elicit.model.comparator import Comparator
 from elicit.plot import STYLES, kind_of, styles
-from qlearn import InteractivePolicyIteration, InteractiveQLearning, drive, policy_loss, random_mdp
+from qlearn import (
+    InteractivePolicyIteration,
+    InteractiveQLearning,
+    drive,
+    equal_gaps_policy,
+    policy_loss,
+    random_mdp,
+)
 from qlearn.experiments import compile_ahead
 from qlearn.experiments import run as runs
 from qlearn.experiments.ablation import KEYS, ablate, summarise
@@ -331,6 +338,23 @@ def test_the_summary_has_means_and_t_intervals_and_its_table_says_all_cells_in_1
     assert "a tiny MDP, Q-learning" in text
     assert sum(line.startswith(ORDER["comparator"]) for line in text.splitlines()) == len(frame)
     assert "nan" not in text
+    nobody = [line.split() for line in text.splitlines() if line.startswith("none ")]
+    assert len(nobody) == frame.learner.nunique()  # one line a table, above the comparators
+    assert {tuple(line[:3]) for line in nobody} == {("none", "1", "0")}
+
+
+def test_a_row_says_what_asking_nothing_loses(frame: pd.DataFrame) -> None:
+    for row in frame.itertuples():
+        mdp, values = runs.instance(
+            row.problem,
+            row.seed,
+            (TINY["states"], TINY["actions"], TINY["levels"], AblationSettings().discount),
+        )
+        loss = policy_loss(mdp, equal_gaps_policy(mdp), values)
+        assert row.loss_unasked == pytest.approx(loss.mean(), abs=1e-12)
+    old = frame.drop(columns="loss_unasked")  # a file written before there was the column
+    assert "loss_unasked" not in summarise(old)
+    assert "\nnone " not in table(summarise(old))
 
 
 @pytest.mark.parametrize("problem", ["frozen-lake", "deep-sea-treasure"])

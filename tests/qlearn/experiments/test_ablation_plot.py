@@ -96,6 +96,19 @@ def test_nothing_of_the_ablations_picture_lies_on_other_parts_or_outside(
         assert {*named} == drawn | {"hollow: budget spent"} | ({"budget"} if budget else set())
 
 
+def test_a_line_shows_the_loss_of_asking_nothing_where_it_is_known(summary: pd.DataFrame) -> None:
+    one = summary[(summary.learner == "q-learning") & (summary.problem == "random")]
+    known = one.drop(columns=["loss_unasked", "loss_unasked_half"], errors="ignore")
+    level = 2 * float(known.loss.max())
+    drawn = plot_ablation(known.assign(loss_unasked=level, loss_unasked_half=0.1))
+    label = "asked nothing (equal gaps)"
+    for figure, count in ((drawn, 1), (plot_ablation(known), 0)):
+        named = [text.get_text() for text in figure.legends[0].get_texts()]
+        flat = [line for line in figure.axes[1].lines if {*line.get_ydata()} == {100 * level}]
+        assert (named.count(label), len(flat)) == (count, count)
+    assert drawn.axes[1].get_ylim()[1] > 100 * level
+
+
 def test_no_interval_of_questions_or_losses_reaches_below_none(summary: pd.DataFrame) -> None:
     wide = summary.assign(asked_half=1e6, loss_half=1.0)
     for axes in plot_ablation(wide).axes:

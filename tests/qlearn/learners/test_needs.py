@@ -18,7 +18,8 @@ from tests.own_cases import Exact
 
 K = 4
 MDP, VALUES = qlearn.random_mdp(8, 3, K, discount=0.8, seed=3)
-PARTS = {part.member for part in OPTIONAL_PARTS}
+# a comparator that leaves the order open is refused, so no consumer takes the part
+PARTS = {part.member for part in OPTIONAL_PARTS} - {"unordered"}
 DOCS = Path(__file__).parents[3] / "docs"
 
 

@@ -264,8 +264,10 @@ export function mount(root, send, options = {}) {
   }
 
   function welcome() {
-    const { compare, purpose, before, least, budgets } = screen.welcome;
+    const { who: known, compare, purpose, before, least, budgets } = screen.welcome;
     const who = part("input", "field", { type: "text", id: "elicit-who", maxlength: "80", autocomplete: "off" });
+    who.value = known;
+    who.disabled = Boolean(known); // the log is this person's
     const choices = [...budgets.map(({ questions, label }) => [`${questions}`, `${questions} questions`, label])];
     choices.push(["", "Until the result is settled", "You can stop at any time"]);
     const radios = choices.map(([value, words, label], i) => {

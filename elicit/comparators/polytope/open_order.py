@@ -1,0 +1,249 @@
+"""A scale of which one step of the order is open: two neighbouring levels, either above the other.
+
+"Worse than dead" is the usual case: some people put a life in constant care below death, and some
+do not. The plausible scales are then the union of two polytopes, one for each order. A verdict is
+proven if both agree. An order that contradicts the answers is dropped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property, partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from elicit._support.threads import one_thread
+from elicit._support.validation import is_whole, require
+from elicit.comparators.polytope.cells import agreed, log_volume
+from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.decision.comparator_rule import Rule, unaided
+from elicit.decision.verdicts import decide, decide_by
+from elicit.model.comparator import TIE, Decisions, Verdicts, check_answers, check_levels
+from elicit.model.difference import as_differences, tail_sums
+from elicit.model.query import Answers, InconsistentAnswers, Verdict
+from elicit.model.scale import Floats
+
+
+class _Ordered(NamedTuple):
+    """One order: the levels from the worst to the best, and what is known if it is the true one."""
+
+    order: tuple[int, ...]
+    scales: PolytopeComparator
+
+
+class OpenOrderComparator:
+    """All scales consistent with the answers, whichever of two neighbouring levels is the better.
+
+    It is a ``PolytopeComparator`` for each of the two orders. Whatever it decides holds under both,
+    so dominance counts only if neither order contradicts it. ``elicit.choose`` takes it. Learners
+    need the levels in a fixed order, and refuse it. The comparator is a frozen value.
+    ``elicit.Comparator`` says what its methods take and return.
+
+    Parameters
+    ----------
+    k : int
+        Number of levels, at least 2.
+    unordered : (int, int)
+        The two levels, counted from 0, the worst. They must be neighbours.
+    margin : float
+        Least gap between neighbouring levels, in either order, a share of the value range.
+    tie : float
+        Largest |d.e| that the tutor may call equal, a share of the value range.
+
+    Raises
+    ------
+    ValueError
+        If k < 2, ``unordered`` are not two neighbouring levels, the margin is outside [0, 1/(k-1)],
+        or the tie is outside [0, 1).
+
+    Notes
+    -----
+    A scale is normalised so that its worst level is worth 0 and its best 1, whichever level is the
+    worst. What two vectors differ by in total counts as time at level 1, as everywhere.
+
+    Examples
+    --------
+    >>> known = elicit.OpenOrderComparator(3, unordered=(0, 1))
+    >>> gamble, care = [0.5, 0.0, 0.5], [0.0, 1.0, 0.0]
+    >>> choosing = elicit.choose([gamble, care], known)
+    >>> len(choosing.ask())
+    1
+    """
+
+    def __init__(
+        self,
+        k: int,
+        unordered: Sequence[int] = (0, 1),
+        margin: float = 1e-6,
+        tie: float = TIE,
+    ) -> None:
+        self.k = check_levels(k)
+        pair = sorted(unordered) if np.size(unordered) == 2 else []
+        neighbours = all(is_whole(level, 0) for level in pair) and np.diff(pair).tolist() == [1]
+        require(
+            neighbours and pair[-1] < k,
+            "unordered",
+            f"two neighbouring levels, such as (0, 1), below k = {k}",
+            unordered,
+        )
+        self.unordered = (int(pair[0]), int(pair[1]))
+        self.answers = Answers.none(self.k)
+        given = list(range(self.k))
+        other = given.copy()
+        other[pair[0]], other[pair[1]] = pair[1], pair[0]
+        self._parts = tuple(
+            _Ordered(tuple(order), PolytopeComparator(k, margin, tie=tie))
+            for order in (given, other)
+        )
+        self.margin, self.tie = (getattr(self._parts[0].scales, name) for name in ("margin", "tie"))
+
+    def __repr__(self) -> str:
+        low, high = self.unordered
+        return (
+            f"OpenOrderComparator(k={self.k}, unordered=({low}, {high}), "
+            f"{len(self.answers)} answers, {len(self._parts)} of 2 orders left)"
+        )
+
+    @property
+    def orders(self) -> tuple[tuple[int, ...], ...]:
+        """The orders that the answers leave possible: level numbers, from the worst to the best."""
+        return tuple(part.order for part in self._parts)
+
+    @cached_property
+    def values(self) -> Floats:
+        """The central scale (k,), least 0 and greatest 1: it need not rise. Read-only.
+
+        It is the mean over the orders that are left, weighed by the volume of their scales.
+        """
+        logs = np.zeros(len(self._parts))
+        if len(self._parts) > 1:
+            logs = np.array([log_volume(part.scales.draws) for part in self._parts])
+        weights = np.exp(logs - logs.max())
+        mean = np.zeros(self.k)
+        for weight, part in zip(weights.tolist(), self._parts, strict=True):
+            mean[list(part.order)] += weight * part.scales.values
+        values: Floats = (mean - mean.min()) / (mean.max() - mean.min())
+        values.flags.writeable = False
+        return values
+
+    @one_thread
+    def update(self, answers: Answers) -> OpenOrderComparator:
+        """Return the comparator that also knows these answers. An order that they rule out goes.
+
+        Raises
+        ------
+        InconsistentAnswers
+            If no scale of either order is left. It names a minimal contradictory set of answers.
+        """
+        check_answers(answers, self.k)
+        new = object.__new__(OpenOrderComparator)
+        new.k, new.unordered = self.k, self.unordered
+        new.margin, new.tie = self.margin, self.tie
+        new.answers = self.answers + answers
+        new._parts = tuple(_told(self._parts, answers))
+        if not new._parts:
+            blank = OpenOrderComparator(self.k, self.unordered, self.margin, self.tie)
+            raise InconsistentAnswers(partial(_explained, blank._parts, new.answers))
+        return new
+
+    def retract(self, *ids: str) -> OpenOrderComparator:
+        """Return a comparator without the answers of these ids.
+
+        Raises
+        ------
+        ValueError
+            For an id that is not among the answers.
+        """
+        fresh = OpenOrderComparator(self.k, self.unordered, self.margin, self.tie)
+        return fresh.update(self.answers.without(ids))
+
+    def compare(self, d: ArrayLike) -> Verdicts:
+        """Return verdicts on differences: those on which all orders that are left agree."""
+        return decide_by(self.rule, self._rows(d), self.settle).verdicts
+
+    @property
+    def rule(self) -> Rule:
+        """No arrays: dominance depends on the order, so the comparator decides itself."""
+        return unaided()
+
+    @one_thread
+    def settle(self, d: Floats) -> Decisions:
+        """Return verdicts and tiers (n,) of differences d (n, k)."""
+        rows = self._rows(d)
+        verdicts = np.full(len(rows), Verdict.EQUAL, np.int8)
+        tiers = np.zeros(len(rows), np.int8)
+        for order, scales in self._parts:
+            found = decide(scales, rows[:, order])
+            verdicts = agreed(verdicts, found.verdicts)
+            tiers = np.maximum(tiers, found.tiers)
+        return Decisions(verdicts, tiers)
+
+    @one_thread
+    def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
+        """Return outer bounds on d.e over the scales of all orders that are left."""
+        rows = self._rows(d)
+        each = np.array([scales.bounds(rows[:, order]) for order, scales in self._parts])
+        return each[:, 0].min(axis=0), each[:, 1].max(axis=0)
+
+    @one_thread
+    def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
+        """Return upper bounds on d.e that hold for all rows at once, and their confidence, 1."""
+        rows = self._rows(d)
+        each = [scales.simultaneous_bounds(rows[:, order])[0] for order, scales in self._parts]
+        return np.max(each, axis=0), 1.0
+
+    def _rows(self, d: ArrayLike) -> Floats:
+        return _filled_up(as_differences(d, self.k))
+
+
+def _filled_up(d: Floats) -> Floats:
+    """Return differences (n, k) whose totals are 0: what is missing counts as time at level 1."""
+    rows = d.copy()
+    rows[:, 0] = -tail_sums(d)[:, 0]
+    return rows
+
+
+def _told(parts: Sequence[_Ordered], answers: Answers) -> list[_Ordered]:
+    """Return the orders that allow the answers, each with what is known then."""
+    left = []
+    for order, scales in parts:
+        there = Answers(_filled_up(answers.d)[:, order], answers.y, answers.ids)
+        try:
+            left.append(_Ordered(order, scales.update(there)))
+        except InconsistentAnswers:
+            continue
+    return left
+
+
+def _explained(
+    blank: Sequence[_Ordered], answers: Answers
+) -> tuple[str, tuple[tuple[int, str], ...], bool]:
+    """Return a sentence, a minimal contradictory set of answers, and whether the margin is to
+    blame."""
+
+    def possible(rows: Sequence[int], parts: Sequence[_Ordered]) -> bool:
+        chosen: NDArray[np.intp] = np.array(rows, dtype=np.intp)
+        some = Answers(answers.d[chosen], answers.y[chosen], [answers.ids[row] for row in rows])
+        return bool(_told(parts, some))
+
+    rows = list(range(len(answers)))
+    for row in rows[::-1]:
+        rest = [other for other in rows if other != row]
+        if rest and not possible(rest, blank):
+            rows = rest
+    found = tuple((row, answers.ids[row]) for row in rows)
+    listed = ", ".join(f"row {row} (id {name})" for row, name in found)
+    loose = [
+        _Ordered(order, PolytopeComparator(scales.k, 0.0, tie=scales.tie))
+        for order, scales in blank
+    ]
+    margin = blank[0].scales.margin > 0 and possible(rows, loose)
+    said = (
+        f"these {len(rows)} answers contradict each other in either order of the two levels: "
+        f"{listed}. Drop or correct one of them."
+    )
+    if margin:
+        said += " With a margin of 0 they would not: the margin is above the least gap they allow."
+    return said, found, margin

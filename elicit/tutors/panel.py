@@ -1,0 +1,57 @@
+"""Several people as one tutor: each question goes to the person whom it asks."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+
+from elicit.model.query import Answer, Query, as_verdict
+from elicit.model.tutor import KnowsLevels, check_tutor_made
+
+
+class PanelTutor:
+    """A tutor that hands each query on to the tutor of the person it asks (``Query.who``).
+
+    Parameters
+    ----------
+    tutors : mapping of str to tutor
+        The tutor of each person. A tutor is any function from a ``Query`` to an ``Answer``, or to a
+        verdict on the query's left vector. With one tutor, a query need not say whom it asks.
+
+    Raises
+    ------
+    TypeError
+        If one of them cannot be called.
+    ValueError
+        If there is none, or they were made for different numbers of levels.
+    """
+
+    def __init__(self, tutors: Mapping[str, Callable[[Query], Answer | int]]) -> None:
+        if not tutors:
+            raise ValueError("give at least one tutor, by the name of the person: {'ann': tutor}")
+        levels = [tutor.k for tutor in tutors.values() if isinstance(tutor, KnowsLevels)]
+        for tutor in tutors.values():
+            check_tutor_made(tutor, levels[0] if levels else 0)
+        self.tutors = MappingProxyType(dict(tutors))
+
+    def __repr__(self) -> str:
+        return f"PanelTutor({', '.join(self.tutors)})"
+
+    def __call__(self, query: Query) -> Answer:
+        """Return the answer of the person whom the query asks, in their name.
+
+        Raises ValueError if it asks nobody, or somebody without a tutor.
+        """
+        names = [*self.tutors]
+        who = names[0] if query.who is None and len(names) == 1 else query.who
+        if who is None or who not in self.tutors:
+            asks = "asks nobody in particular" if who is None else f"asks {who!r}"
+            raise ValueError(
+                f"query {query.id} {asks}, but there are tutors for {', '.join(map(repr, names))}: "
+                "give the tutor of each member of the elicit.Panel by name"
+            )
+        said = self.tutors[who](query)
+        if isinstance(said, (int, np.integer)):
+            return Answer(query, as_verdict(said), who=who)
+        return said if said.who is not None else replace(said, who=who)

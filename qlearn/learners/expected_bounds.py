@@ -1,0 +1,166 @@
+"""A budget of questions: what so many of them are likely to prove, before the first is asked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elicit._support.hashing import Seed, key_of
+from elicit._support.seeds import seed_of
+from elicit._support.validation import is_whole, require
+from elicit.model.comparator import Comparator, lapse_of
+from elicit.model.scale import Floats
+from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
+from qlearn.certificates.drawn_scales import draws_of
+from qlearn.learners.learner import check_problem
+from qlearn.learners.policy_iteration import InteractivePolicyIteration
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
+
+_LEAST_GAP = 1e-9  # of a drawn scale, so that a simulated tutor can tell all levels apart
+_FEWEST = 3  # runs: the range of fewer says nothing
+
+
+@dataclass(frozen=True, eq=False)
+class ExpectedBounds:
+    """Loss bounds of simulated sessions that end after so many questions.
+
+    Attributes
+    ----------
+    questions : int
+        The budget.
+    before : float
+        The loss bound before the first question, a share of the value range.
+    bounds : ndarray
+        (runs,) loss bounds at the end of each simulated session, ascending.
+    asked : ndarray
+        (runs,) numbers of questions asked, in the same order: fewer than the budget where the
+        tolerance was reached sooner.
+    """
+
+    questions: int
+    before: float
+    bounds: Floats
+    asked: NDArray[np.int64]
+
+    @property
+    def median(self) -> float:
+        """The median of the bounds."""
+        return float(np.median(self.bounds))
+
+    @property
+    def least(self) -> float:
+        """The least of the bounds."""
+        return float(self.bounds[0])
+
+    @property
+    def most(self) -> float:
+        """The greatest of the bounds."""
+        return float(self.bounds[-1])
+
+    @property
+    def coverage(self) -> float:
+        """Chance that one more such session ends between ``least`` and ``most``.
+
+        It is (runs - 1) / (runs + 1), if the hidden scale is like those that were drawn and the
+        tutor like the simulated ones.
+        """
+        return (len(self.bounds) - 1) / (len(self.bounds) + 1)
+
+    def __str__(self) -> str:
+        number = "1 question" if self.questions == 1 else f"{self.questions} questions"
+        sooner = int((self.asked < self.questions).sum())
+        return (
+            f"{number} proved a loss of at most {_percent(self.median)} of the value range in half "
+            f"of {len(self.bounds)} simulated sessions, and of {_percent(self.least)} to "
+            f"{_percent(self.most)} in all of them. Without any question it is "
+            f"{_percent(self.before)}. Yours ends in this range with a chance of about "
+            f"{100 * self.coverage:.0f}%, if your scale is like those that were drawn."
+            + (f" {sooner} of the sessions needed fewer questions." if sooner else "")
+        )
+
+
+def expected_bounds(
+    mdp: OrdinalMDP,
+    comparator: Comparator,
+    questions: int = 10,
+    *,
+    runs: int = 20,
+    seed: Seed | None = None,
+    **learner: Any,
+) -> ExpectedBounds:
+    """Simulate sessions to see what so many questions are likely to prove.
+
+    Use it to plan: how many questions are worth the time of the tutor? It may be called again in
+    the middle of a session, with the comparator that knows the answers so far.
+
+    Parameters
+    ----------
+    mdp : OrdinalMDP
+        The problem.
+    comparator : Comparator
+        What is known of the scale so far. It is not changed.
+    questions : int
+        The budget, at least 1.
+    runs : int
+        Number of simulated sessions, at least 3. With a polytope one takes about a second, and with
+        a posterior ten times as long.
+    seed : optional
+        An int gives the same sessions again.
+    **learner
+        Settings of ``InteractivePolicyIteration``, such as ``tolerance`` and ``bags``.
+
+    Returns
+    -------
+    ExpectedBounds
+        ``print`` says it in words.
+
+    Raises
+    ------
+    ValueError
+        If ``questions`` or ``runs`` is too small, or the comparator is for another number of
+        levels.
+
+    Notes
+    -----
+    In each session a scale is drawn from those that are plausible by the comparator. The tutor
+    answers truthfully by it, but flips answers as often as the comparator assumes that answers are
+    given at random and wrong: half its ``lapse``.
+
+    Examples
+    --------
+    >>> mdp, values = qlearn.random_mdp(n_states=20, n_actions=3, n_levels=5, seed=1)
+    >>> plan = qlearn.expected_bounds(mdp, elicit.PolytopeComparator(5), 3, runs=5, seed=1)
+    >>> plan.least <= plan.median <= plan.most <= plan.before
+    True
+    """
+    check_problem(mdp, comparator)
+    require(is_whole(questions, 1), "questions", "a whole number of at least 1", questions)
+    require(is_whole(runs, _FEWEST), "runs", f"a whole number of at least {_FEWEST}", runs)
+    rng = np.random.default_rng(key_of(seed_of(seed)))
+    drawn = draws_of(comparator)
+    chosen = rng.choice(len(drawn.weights), size=runs, p=drawn.weights / drawn.weights.sum())
+    errors = lapse_of(comparator) / 2
+    before = InteractivePolicyIteration(mdp, comparator, seed=0, **learner).result().loss_bound
+    ends = []
+    for which in chosen.tolist():
+        gaps = np.maximum(drawn.gaps[:, which], _LEAST_GAP)
+        values = np.concatenate([[0.0], np.cumsum(gaps)])
+        own = int(rng.integers(2**62))  # of this session
+        tutor = FlippingTutor(values, errors, own) if errors else TruthfulTutor(values)
+        run = InteractivePolicyIteration(mdp, comparator, seed=own, **learner)
+        asked = 0
+        while asked < questions and (queries := run.ask()):
+            run.tell([tutor(query) for query in queries], on_conflict="drop")
+            asked += len(queries)
+        ends.append((run.result().loss_bound, asked))
+    bounds, numbers = zip(*sorted(ends), strict=True)
+    return ExpectedBounds(int(questions), before, np.array(bounds), np.array(numbers))
+
+
+def _percent(share: float) -> str:
+    """Return an upper bound in percent: two digits, at least a hundredth of a percent."""
+    percent = max(100 * share, 0.01)
+    return f"{percent:.2g}%" if percent < 99.5 else f"{percent:.0f}%"

@@ -1,0 +1,95 @@
+"""Cost to each member of a panel of following another's policy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from elicit._support.threads import one_thread
+from elicit.comparators.panel import Panel
+from elicit.model.comparator import best_guess
+from elicit.model.scale import Floats
+from qlearn.certificates.loss_bound import loss_bound
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn.mdp.planning import policy_loss, value_iteration
+
+
+@dataclass(frozen=True, eq=False)
+class Following:
+    """Losses of each member under each member's best policy, and under that of the mean.
+
+    Losses are shares of the value range, at the worst state, as ``Result.loss_bound`` is.
+
+    Attributes
+    ----------
+    people : tuple of str
+        The n members, one a row.
+    followed : tuple of str
+        Those whose policy is followed, one a column: the members, then "the mean".
+    losses : (n, n + 1)
+        The loss, if scales are the best guesses of the members' comparators.
+    bounds : (n, n + 1)
+        Upper bounds on it over all scales that the row's comparator holds plausible.
+    """
+
+    people: tuple[str, ...]
+    followed: tuple[str, ...]
+    losses: Floats
+    bounds: Floats
+
+    def __str__(self) -> str:
+        """Return the table in percent, best guess and in brackets the bound."""
+        cells = [
+            [f"{100 * loss:.1f} ({100 * bound:.1f})" for loss, bound in zip(*row, strict=True)]
+            for row in zip(self.losses, self.bounds, strict=True)
+        ]
+        rows = [["who loses", *self.followed]]
+        rows += [[name, *row] for name, row in zip(self.people, cells, strict=True)]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        lines = [
+            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+            for row in rows
+        ]
+        head = (
+            "Loss in percent of the value range, at the worst state, by whose policy is followed "
+            "(in brackets: at most):"
+        )
+        return "\n".join([head, *lines])
+
+
+@one_thread
+def cost_of_following(mdp: OrdinalMDP, panel: Panel) -> Following:
+    """Return what each member of a panel loses by following another's policy, or the mean's.
+
+    A member's policy is the best one for the best guess of their comparator.
+
+    Parameters
+    ----------
+    mdp : OrdinalMDP
+    panel : Panel
+
+    Returns
+    -------
+    Following
+
+    Raises
+    ------
+    TypeError
+        If ``panel`` is no Panel.
+    ValueError
+        If the MDP has another number of levels.
+    """
+    if not isinstance(panel, Panel):
+        raise TypeError(f"an elicit.Panel is wanted, not {panel!r}")
+    scales = {name: best_guess(member) for name, member in panel.members.items()}
+    policies = [value_iteration(mdp, scale)[1] for scale in (*scales.values(), panel.values)]
+    losses = [
+        [float(policy_loss(mdp, policy, scale).max()) for policy in policies]
+        for scale in scales.values()
+    ]
+    bounds = [
+        [loss_bound(mdp, policy, member).loss_bound for policy in policies]
+        for member in panel.members.values()
+    ]
+    return Following(panel.people, (*panel.people, "the mean"), np.array(losses), np.array(bounds))

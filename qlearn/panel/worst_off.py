@@ -1,0 +1,204 @@
+"""The policy whose greatest loss to any member of a panel is the least.
+
+The mean of several scales can leave one person badly off. A linear program over occupancies (the
+discounted time that a policy spends at each state and action) finds the policy that loses the
+worst-off member the least. Such a policy may have to draw its actions: for two people who want
+opposite things, half and half can leave each better off than either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from elicit._support.threads import one_thread
+from elicit.comparators.panel import Panel
+from elicit.model.comparator import best_guess, simultaneous_bounds
+from elicit.model.scale import Floats
+from qlearn.certificates.collected_total import greatest_total
+from qlearn.mdp.backup import model_of, q_of
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn.mdp.planning import evaluate_policy, policy_loss, rewarded, value_iteration
+
+_LEAST = 1e-12  # occupancies below that are rounding
+
+
+@dataclass(frozen=True, eq=False)
+class WorstOffPolicy:
+    """A policy for the worst-off member of a panel. ``print`` says what it loses each.
+
+    Losses are shares of the value range, from the MDP's initial distribution.
+
+    Attributes
+    ----------
+    probabilities : (S, A)
+        The chance of each action.
+    losses : mapping of str to float
+        What the policy loses each member, if their scale is their comparator's best guess.
+    bounds : mapping of str to float
+        Upper bounds on the same over all scales that the member's comparator holds plausible.
+    confidence : float
+        The probability that all these bounds hold: 1 if they are proven, nan if none can be stated.
+    policy : (S,) actions
+        The best of the policies that draw nothing which were tried: each member's best, the best
+        for the mean, and the likeliest actions of ``probabilities``. There may be better ones.
+    policy_losses : mapping of str to float
+        What that one loses each member, as ``losses``.
+    """
+
+    probabilities: Floats
+    losses: Mapping[str, float]
+    bounds: Mapping[str, float]
+    confidence: float
+    policy: NDArray[np.int64]
+    policy_losses: Mapping[str, float]
+
+    @property
+    def greatest(self) -> float:
+        """The greatest of the losses."""
+        return max(self.losses.values())
+
+    def __str__(self) -> str:
+        worst = max(self.losses, key=lambda name: self.losses[name])
+        single = max(self.policy_losses.values())
+        each = ", ".join(
+            f"{name} {100 * self.losses[name]:.2f}% (at most {100 * self.bounds[name]:.2f}%)"
+            for name in self.losses
+        )
+        return (
+            f"The worst-off member, {worst}, loses {100 * self.greatest:.2f}% of the value range, "
+            "if all scales are as the best guesses say. No policy has a smaller greatest loss.\n"
+            f"Loss of each, from where episodes start: {each}.\n"
+            "The policy may draw its actions. The best one found that draws none has a greatest "
+            f"loss of {100 * single:.2f}%."
+        )
+
+
+@one_thread
+def policy_for_the_worst_off(mdp: OrdinalMDP, panel: Panel) -> WorstOffPolicy:
+    """Return the policy with the least greatest loss to any member of a panel.
+
+    Parameters
+    ----------
+    mdp : OrdinalMDP
+    panel : Panel
+        The members' best guesses at their scales are taken as the scales. Their weights play no
+        part. Ask first, for example by policy iteration with the same panel, and give the result's
+        comparator.
+
+    Returns
+    -------
+    WorstOffPolicy
+
+    Raises
+    ------
+    TypeError
+        If ``panel`` is no Panel.
+    ValueError
+        If the MDP has another number of levels.
+
+    Notes
+    -----
+    The loss is from the MDP's initial distribution, not at the worst state as
+    ``Result.loss_bound`` is. The losses are the least for the best guesses alone. ``bounds`` says
+    what is proven of the policy for other plausible scales, but it is not chosen by them.
+    """
+    if not isinstance(panel, Panel):
+        raise TypeError(f"an elicit.Panel is wanted, not {panel!r}")
+    if panel.k != mdp.k:
+        raise ValueError(f"the MDP has {mdp.k} levels, but the panel's scales have {panel.k}")
+    scales = {name: best_guess(member) for name, member in panel.members.items()}
+    probabilities = _least_greatest_loss(mdp, np.stack([*scales.values()]))
+    bounds, confidence = _bounds(mdp, probabilities, panel)
+    tried = [value_iteration(mdp, scale)[1] for scale in (*scales.values(), panel.values)]
+    tried.append(np.argmax(np.round(probabilities, 9), axis=1))
+    each = [_losses(mdp, policy, scales) for policy in tried]
+    best = min(range(len(tried)), key=lambda i: round(max(each[i].values()), 12))
+    return WorstOffPolicy(
+        probabilities,
+        _losses(mdp, probabilities, scales),
+        bounds,
+        confidence,
+        tried[best],
+        each[best],
+    )
+
+
+def _losses(
+    mdp: OrdinalMDP, policy: NDArray[np.int64] | Floats, scales: Mapping[str, Floats]
+) -> dict[str, float]:
+    """Return what a policy loses each, from the initial distribution."""
+    return {
+        name: float(mdp.initial @ policy_loss(mdp, policy, scale)) for name, scale in scales.items()
+    }
+
+
+def _least_greatest_loss(mdp: OrdinalMDP, scales: Floats) -> Floats:
+    """Return the chances (S, A) of actions under which the greatest loss on scales (n, k) is least.
+
+    The unknowns of the program are the occupancy of each admissible (s, a) where s goes on, in
+    total at most 1, and the greatest loss.
+    """
+    from scipy.optimize import linprog
+
+    live, m = ~mdp.terminal, mdp.n_actions
+    columns = np.flatnonzero((mdp.admissible & live[:, None]).ravel())
+    moves = mdp.transitions[columns]
+    flow = sparse.csr_array(
+        (np.ones(len(columns)), (columns // m, np.arange(len(columns)))),
+        shape=(mdp.n_states, len(columns)),
+    )
+    flow = (flow - mdp.discount * moves.T.tocsr())[live]
+    worth, start, optimum = [], [], []
+    for scale in scales:
+        gain, ends = rewarded(mdp, scale)
+        worth.append((gain.ravel()[columns] + mdp.discount * (moves @ ends)) / (1 - mdp.discount))
+        start.append(float(mdp.initial @ ends))
+        optimum.append(float(mdp.initial @ value_iteration(mdp, scale)[0]))
+    losses = np.column_stack([-np.stack(worth), -np.ones(len(scales))])
+    found = linprog(
+        np.concatenate([np.zeros(len(columns)), [1.0]]),
+        A_ub=losses,
+        b_ub=np.array(start) - np.array(optimum),
+        A_eq=sparse.hstack([flow, sparse.csr_array((int(live.sum()), 1))]).tocsr(),
+        b_eq=(1 - mdp.discount) * mdp.initial[live],
+        method="highs",
+    )
+    if found.status != 0:
+        raise RuntimeError(f"the linear program over occupancies was not solved: {found.message}")
+    chances = np.zeros(mdp.levels.shape)
+    chances.flat[columns] = np.where(found.x[:-1] > _LEAST, found.x[:-1], 0.0)
+    total = chances.sum(axis=1, keepdims=True)
+    unvisited = total[:, 0] == 0  # what is done there matters to nobody who starts as told
+    policy = value_iteration(mdp, scales.mean(axis=0))[1]
+    chances[unvisited] = np.eye(m)[policy[unvisited]]
+    return np.asarray(chances / np.where(unvisited[:, None], 1.0, total))
+
+
+def _bounds(mdp: OrdinalMDP, chances: Floats, panel: Panel) -> tuple[dict[str, float], float]:
+    """Return upper bounds on each member's loss, and the confidence that all of them hold.
+
+    As in ``certificates.loss_bound``: advantages are bounded, and what a policy can collect of
+    these bounds is at least the loss.
+    """
+    states = np.flatnonzero(~mdp.terminal)
+    v = evaluate_policy(mdp, chances)
+    over = q_of(np.arange(mdp.n_states), v, model_of(mdp)) - v[:, None]
+    place, action = np.nonzero(mdp.admissible[states])
+    d = over[states[place], action]
+    own = np.einsum("sa,sak->sk", chances[states], np.nan_to_num(over[states]))
+    doubt = float(np.abs(np.cumsum(own[:, ::-1], axis=1)).max(initial=0.0))
+    bounds: dict[str, float] = {}
+    lacking = 0.0
+    for name, member in panel.members.items():
+        high, confidence = simultaneous_bounds(member, d)
+        gain = np.full(mdp.levels.shape, -np.inf)
+        gain[states[place], action] = high
+        total = greatest_total(mdp, gain) + 2 * doubt / (1 - mdp.discount)
+        bounds[name] = float(np.clip(mdp.initial @ np.where(mdp.terminal, 0.0, total), 0.0, 1.0))
+        lacking += 1.0 - confidence
+    return bounds, max(0.0, 1.0 - lacking)

@@ -1,0 +1,64 @@
+"""The page on panels: its rows are what they say, and it renders."""
+
+import numpy as np
+import pytest
+
+from benchmarks.people import panel
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn.problems.random_mdp import random_mdp
+from tests.report_cases import table_rows
+
+
+def small(name: str, seed: int) -> OrdinalMDP:
+    return random_mdp(6, 2, 3, discount=0.8, seed=seed)[0]
+
+
+def test_a_row_says_what_its_runs_came_to():
+    found = [
+        panel.Run(10, 4.0, 0.002, 0.009, 1.0, True, True),
+        panel.Run(20, 6.0, 0.02, 0.009, 1.0, False, True),
+    ]
+    row = panel.described("rover", "alike", "never", found)
+    assert len(row) == len(panel.HEAD)
+    assert row[:4] == ["rover", "alike", "never", "2"]
+    assert row[6:9] == ["3.00", "1.100", "1 of 2"]
+    assert row[10:] == ["1 of 2", "2 of 2"]
+    said = panel.summary({("rover", "alike", "never"): found})
+    assert "held in 1 of 2 runs" in said
+    assert "3.00 to 3.00 times" in said
+    assert "at most 2.5 times in 0 of 1 rows" in said
+
+
+def test_scales_are_alike_or_not_as_said():
+    for seed in range(3):
+        alike = np.stack([*panel.scales("alike", 6, seed).values()])
+        apart = np.stack([*panel.scales("independent", 6, seed).values()])
+        assert alike.shape == apart.shape == (5, 6)
+        assert (alike[:, [0, -1]] == [0, 1]).all()
+        assert np.ptp(alike, axis=0).max() <= 0.1 + 1e-9
+        assert np.ptp(apart, axis=0).max() > np.ptp(alike, axis=0).max()
+
+
+@pytest.mark.parametrize("errs", [*panel.ERRORS])
+def test_a_run_holds_its_bounds_and_is_kept_in_the_journal(monkeypatch, tmp_path, errs):
+    monkeypatch.setattr(panel, "problem", small)
+    monkeypatch.setattr(panel, "TOLERANCE", 0.05)
+    journal = tmp_path / "journal.jsonl"
+    (run,) = panel.runs("any", "independent", errs, [1], journal)
+    assert run.loss <= run.bound <= 0.05
+    assert run.confidence == (0.95 if panel.ERRORS[errs] else 1.0)
+    assert run.alone > 0
+    assert run.members_held
+    monkeypatch.setattr(panel, "one_run", lambda *key: pytest.fail("it was made again"))
+    assert panel.runs("any", "independent", errs, [1], journal) == [run]
+
+
+def test_the_page_has_a_row_for_each_problem_scales_and_errors(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(panel, "PROBLEMS", ("any",))
+    found = panel.Run(10, 4.0, 0.002, 0.009, 1.0, True, True)
+    monkeypatch.setattr(panel, "one_run", lambda *key: found)
+    out = tmp_path / "page.md"
+    panel.main(["--problems", "2", "--out", str(out)])
+    rows = table_rows(out.read_text(encoding="utf-8"))
+    assert len([row for row in rows if row[0] == "any"]) == 4
+    assert "Seeds 0 to 1" in capsys.readouterr().out

@@ -1,0 +1,132 @@
+"""The policy for the worst off, against exhaustive search and minimax duality."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import qlearn
+from elicit import Answers, Panel, PolytopeComparator, PosteriorComparator, TruthfulTutor
+from elicit.model.scale import normalise
+from qlearn import cost_of_following, policy_for_the_worst_off
+from tests.mdp_cases import messy_mdp
+from tests.own_cases import Exact
+from tests.thoroughness import examples
+
+
+def scales_of(k, n, seed):
+    rng = np.random.default_rng(seed)
+    return {
+        f"{i}": np.concatenate([[0], np.cumsum(rng.dirichlet(np.full(k - 1, 0.5)))])
+        for i in range(n)
+    }
+
+
+def small(seed):
+    """A random MDP of 5 states, one of them terminal, with actions that do not exist."""
+    return messy_mdp(seed, n=5, discount=[0.0, 0.5, 0.9][seed % 3], n_terminal=1)[0]
+
+
+def exact(scales):
+    return Panel({name: Exact(values) for name, values in scales.items()})
+
+
+def greatest(mdp, policy, scales):
+    return max(mdp.initial @ qlearn.policy_loss(mdp, policy, values) for values in scales.values())
+
+
+def deterministic(mdp):
+    choices = [
+        np.flatnonzero(mdp.admissible[s]) if not mdp.terminal[s] else [0]
+        for s in range(mdp.n_states)
+    ]
+    return map(np.array, product(*choices))
+
+
+@examples(12)
+@given(st.integers(0, 10_000))
+def test_no_single_policy_leaves_the_worst_off_better_off(seed):
+    mdp = small(seed)
+    scales = scales_of(mdp.k, 3, seed)
+    found = policy_for_the_worst_off(mdp, exact(scales))
+    best = min(greatest(mdp, policy, scales) for policy in deterministic(mdp))
+    assert found.greatest <= best + 1e-9
+    assert found.greatest == pytest.approx(greatest(mdp, found.probabilities, scales), abs=1e-9)
+    assert best - 1e-9 <= max(found.policy_losses.values())
+    for name, loss in found.losses.items():
+        assert found.bounds[name] == pytest.approx(loss, abs=1e-6), "nothing is open of the scales"
+
+
+@examples(10)
+@given(st.integers(0, 10_000))
+def test_its_greatest_loss_is_that_of_the_weights_least_kind_to_it(seed):
+    mdp = small(seed)
+    scales = scales_of(mdp.k, 2, seed)
+    found = policy_for_the_worst_off(mdp, exact(scales))
+    optima = [mdp.initial @ qlearn.value_iteration(mdp, values)[0] for values in scales.values()]
+    least = []
+    for share in np.linspace(0, 1, 401):
+        weights = np.array([share, 1 - share])
+        mixed = weights @ np.stack([*scales.values()])
+        least.append(weights @ optima - mdp.initial @ qlearn.value_iteration(mdp, mixed)[0])
+    assert max(least) - 1e-9 <= found.greatest <= max(least) + 0.005
+
+
+@examples(5)
+@given(st.integers(0, 10_000))
+def test_bounds_hold_for_scales_that_are_still_open(seed):
+    mdp, _ = qlearn.random_mdp(6, 3, 4, discount=0.9, seed=seed)
+    scales, rng = scales_of(4, 2, seed), np.random.default_rng(seed)
+    panel = Panel({name: PolytopeComparator(4) for name in scales})
+    for name, values in scales.items():
+        d = rng.dirichlet(np.ones(4), 4) - rng.dirichlet(np.ones(4), 4)
+        y = TruthfulTutor(normalise(values + 1e-4 * np.arange(4))).signs(d)
+        panel = panel.update(Answers(d, y, who=[name] * 4))
+    found = policy_for_the_worst_off(mdp, panel)
+    assert found.confidence == 1
+    for name, member in panel.members.items():
+        gaps, _, _ = member.draws
+        for j in range(0, gaps.shape[1], 16):
+            values = np.concatenate([[0], np.cumsum(gaps[:, j])])
+            loss = mdp.initial @ qlearn.policy_loss(mdp, found.probabilities, values)
+            assert loss <= found.bounds[name] + 1e-9
+
+
+def test_two_who_want_opposite_things_are_served_half_and_half():
+    # from state 0: the middle level for ever, or the worst and the best with even chances
+    levels = np.array([[0, 0], [1, 1], [0, 0], [2, 2]])
+    p = np.zeros((4, 2, 4))
+    p[0, 0, 1] = 1
+    p[0, 1, [2, 3]] = 0.5
+    p[[1, 2, 3], :, [1, 2, 3]] = 1
+    mdp = qlearn.OrdinalMDP.from_dense(
+        p, levels, discount=0.5, labels=("bad", "fair", "good"), initial=[1, 0, 0, 0]
+    )
+    found = policy_for_the_worst_off(mdp, exact({"ann": [0, 0.1, 1], "ben": [0, 0.9, 1]}))
+    np.testing.assert_allclose(found.probabilities[0], [0.5, 0.5], atol=1e-9)
+    assert found.greatest == pytest.approx(0.5 * 0.2)
+    assert max(found.policy_losses.values()) == pytest.approx(0.5 * 0.4)
+    assert "ann 10.00%" in str(found)
+    table = cost_of_following(mdp, exact({"ann": [0, 0.1, 1], "ben": [0, 0.9, 1]}))
+    np.testing.assert_allclose(table.losses[:, :2], [[0, 0.2], [0.2, 0]], atol=1e-9)
+    assert table.followed == ("ann", "ben", "the mean")
+    assert "who loses" in str(table)
+
+
+def test_the_confidence_of_all_bounds_is_a_union_bound():
+    mdp, _ = qlearn.random_mdp(5, 2, 4, seed=1)
+    panel = Panel({f"{i}": PosteriorComparator(4, seed=i) for i in range(3)})
+    assert policy_for_the_worst_off(mdp, panel).confidence == pytest.approx(0.85)
+    table = cost_of_following(mdp, panel)
+    assert (table.losses <= table.bounds + 1e-9).all()
+
+
+def test_what_is_no_panel_is_refused():
+    mdp, _ = qlearn.random_mdp(5, 2, 4, seed=1)
+    for function in (policy_for_the_worst_off, cost_of_following):
+        with pytest.raises(TypeError, match=r"an elicit\.Panel is wanted"):
+            function(mdp, PolytopeComparator(4))
+    with pytest.raises(ValueError, match="4 levels, but the panel's scales have 3"):
+        policy_for_the_worst_off(mdp, exact({"ann": [0, 0.5, 1]}))
