@@ -133,6 +133,8 @@ PAGES = (  # a notebook after the tables that it reads
         "peers",
     ),
     results("RESULTS-people", "people.answers_of_people results/people", 20),
+    results("RESULTS-people-gains", "people.gains results/people", 10),
+    results("RESULTS-promise", "people.promise --jobs 2", 60),
     results("RESULTS", "learning.learning_cost", 25, "peers"),
     results("RESULTS-ivi", "learning.value_iteration_cost", 6, "peers"),
     results(
@@ -158,7 +160,8 @@ PAGES = (  # a notebook after the tables that it reads
     notebook("06_fewer_questions", 2),
     notebook("07_you_are_the_tutor", 1),
     notebook("08_beyond_tables", 2),
-    notebook("09_medical_scales", 1),
+    notebook("09_real_people", 2),
+    notebook("10_medical_scales", 1),
 )
 
 

@@ -29,7 +29,7 @@ MEANS = {"a": "a", "b": "b", "e": "equal", "?": "cannot tell"}
 def make(known):
     """Who asks, knowing these answers."""
     vectors = np.array(list(COURSES.values())) / 10
-    comparator = elicit.PolytopeComparator(k=len(LEVELS))
+    comparator = elicit.PosteriorComparator(k=len(LEVELS))  # it allows for errors
     return elicit.choose(
         vectors, comparator, order=True, names=list(COURSES), labels=LEVELS, known=known
     )

@@ -35,7 +35,7 @@ WORDS = elicit.Words(
 
 def make(known):
     """Who asks, knowing these answers."""
-    comparator = elicit.PolytopeComparator(k=len(LEVELS))
+    comparator = elicit.PosteriorComparator(k=len(LEVELS))  # it allows for errors
     return qlearn.InteractivePolicyIteration(
         MDP, comparator, bags=elicit.Bags(days=10), known=known
     )

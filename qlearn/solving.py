@@ -86,7 +86,7 @@ def solve(
 
         comparator = elicit.PosteriorComparator(mdp.k, seed=seed)
         learner = qlearn.InteractivePolicyIteration(mdp, comparator, tolerance=tolerance, seed=seed)
-        result = qlearn.drive(learner, tutor)
+        result = qlearn.drive(learner, tutor, seed=seed)
     """
     _check_mdp(mdp)
     tutor = PanelTutor(tutor) if isinstance(tutor, Mapping) else tutor
@@ -105,7 +105,7 @@ def solve(
     settings: dict[str, Any] = {"tolerance": tolerance} if chosen.has_tolerance else {}
     known: Any = () if log is None else log
     run = chosen.factory(mdp, knows, seed=key, max_queries=max_queries, known=known, **settings)
-    return drive(run, tutor, log, progress)
+    return drive(run, tutor, log, progress, seed=key)
 
 
 def _check_mdp(mdp: object) -> None:

@@ -508,6 +508,11 @@ class Elicitation:
         return self._tie > self._indifference and bool((self.answers.y == 0).any() or self.gave_up)
 
     @property
+    def max_queries(self) -> int | None:
+        """The largest number of questions; None: no limit."""
+        return self._max_queries
+
+    @property
     def spent(self) -> bool:
         """True if the question budget is used up."""
         return self._max_queries is not None and self.asked >= self._max_queries

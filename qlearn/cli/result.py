@@ -63,7 +63,7 @@ def run(
             return fail(_NO_RECIPE.format(log))
         taught = taught_by(
             problem_parser(recipe["problem"]) if problem is None else problem,
-            comparator or recipe.get("comparator", "polytope"),
+            comparator or recipe.get("comparator", "posterior"),
             recipe.get("days", 10),
             recipe.get("unit"),
             recipe.get("seed", 0),

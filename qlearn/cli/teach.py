@@ -74,9 +74,9 @@ def add_to(commands: Any) -> None:
     command.add_argument(
         "--comparator",
         choices=TAUGHT_WITH,
-        default="polytope",
-        help="who learns: polytope takes each answer for right, posterior allows for errors "
-        "[%(default)s]",
+        default="posterior",
+        help="who learns: posterior allows for errors, as people make them; polytope takes each "
+        "answer for right [%(default)s]",
     )
     command.add_argument(
         "--log",

@@ -65,7 +65,8 @@ def ablate(
     comparators   factory(k, seed) -> Comparator of k levels; never audited
     problems      factory(seed) -> (mdp, values), an OrdinalMDP and its hidden scale (k,)
     tutors        factory(values, seed) -> Tutor, or factory(values, seed, reference) with the
-                  differences (n, k) of an optimal policy's choices, to set noise by. They come
+                  differences (n, k) of an optimal policy's choices, to set noise by; or "person",
+                  an ``elicit.PersonTutor``, another one for each seed. They come
                   beside the tutors of ``error_rates``, with their names in the column
                   ``error_rate``. Where a tutor does not count its errors they are counted here. Our
                   comparators assume that the tutor may call equal what lies within .01 (``tie``);

@@ -23,6 +23,7 @@ from threadpoolctl import threadpool_limits
 from elicit.model.comparator import TIE, Comparator, wrong_of
 from elicit.model.scale import Floats
 from elicit.model.tutor import CountsErrors
+from elicit.tutors.person import PersonTutor
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from qlearn.experiments import compile_ahead
 from qlearn.experiments.catalogue import ALWAYS, COMPARATORS, LEARNERS, PROBLEMS, Size
@@ -38,13 +39,13 @@ from qlearn.experiments.metrics import (
 )
 from qlearn.experiments.own_parts import comparator_of, learner_of, problem_of, tutor_of
 from qlearn.experiments.parallel import Cell, Interrupted, SweepOptions, sweep
-from qlearn.experiments.settings import ORDER, Settings
+from qlearn.experiments.settings import NAMED_TUTORS, ORDER, Settings
 from qlearn.learners.learner import Learner, drive
 from qlearn.mdp.equal_gaps import equal_gaps_policy
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import policy_loss, value_iteration
 
-SimulatedTutor: TypeAlias = TruthfulTutor | FlippingTutor | BradleyTerryTutor
+SimulatedTutor: TypeAlias = TruthfulTutor | FlippingTutor | BradleyTerryTutor | PersonTutor
 Owned: TypeAlias = Mapping[str, Own]
 """Of one run: the user's own, by the column of the table that has their names ("comparator",
 ...).
@@ -148,6 +149,8 @@ def _tutor(
     seed, rate = cell["seed"], cell["error_rate"]
     if "error_rate" in own:
         return tutor_of(own["error_rate"], values, seed, partial(_reference, mdp, tuple(values)))
+    if rate in NAMED_TUTORS:
+        return PersonTutor(values, seed=seed)
     if cell.get("c"):
         return of_precision(cell["c"], mdp, values, seed)
     return TUTORS[settings.noise](mdp, values, rate, seed) if rate else TruthfulTutor(values)
@@ -181,7 +184,8 @@ def _learner(
 def _of_cell(settings: Settings, cell: Cell, mdp: OrdinalMDP, own: Owned) -> Settings:
     """The settings as they are in a cell."""
     if settings.tie is None:
-        settings = replace(settings, tie=TIE if "error_rate" in own else 0.0)
+        may_say_equal = "error_rate" in own or cell["error_rate"] in NAMED_TUTORS
+        settings = replace(settings, tie=TIE if may_say_equal else 0.0)
     if cell["audit"]:
         steps, sweeps = (
             min(settings.steps, settings.audit_steps),

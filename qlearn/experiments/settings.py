@@ -108,11 +108,14 @@ SCALE = Number(float, lambda x: x >= 0, "a number of at least 0")
 
 TRUTHFUL = "truthful"
 TUTORS = (TRUTHFUL, "c=1", "2%", "5%", "10%", "20%", "30%")  # of the paper's figures
+NAMED_TUTORS = ("person",)
+"""Tutors of the ablation that have a name and no error rate."""
 ORDER: Mapping[str, tuple[str, ...]] = {
     "problem": tuple(PROBLEMS),
     "learner": tuple(LEARNERS),
     "comparator": tuple(COMPARATORS),
     "errs": TUTORS,
+    "error_rate": NAMED_TUTORS,
 }
 """The order in which tables and pictures name things; the user's own come after them, as they were
 given.
@@ -260,8 +263,9 @@ class AblationSettings(Settings):
     )
     tutors: tuple[str | Own, ...] = setting(
         (),
-        NameOrOwn((), "(values, seed), or (values, seed, reference), returns a Tutor"),
-        "your own, beside those of the error rates",
+        NameOrOwn(NAMED_TUTORS, "(values, seed), or (values, seed, reference), returns a Tutor"),
+        "beside those of the error rates: person, who errs as people were seen to (another one for "
+        "each seed), or your own",
     )
     error_rates: tuple[float, ...] = setting(
         (0.0, 0.05, 0.15), ERROR_RATE, "the tutor's chance of a wrong answer; 0 is truthful"

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, ClassVar, Protocol, TypeAlias, TypeVar, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from elicit._support.hashing import Seed
+from elicit._support.hashing import Seed, fold, key_of, name_code
+from elicit._support.seeds import seed_of
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
 from elicit.asking.elicitation import AnsweredQuery, Audit, Elicitation, OnConflict, Pair, Watcher
@@ -34,10 +36,13 @@ from elicit.model.tutor import TutorOfMany, check_tutor_made
 from elicit.tutors.answer_log import EXPECTED, AnswerLog
 from elicit.tutors.panel import PanelTutor
 from qlearn.certificates.loss_bound import BOUNDING, Guarantee, loses_at_most, loss_bound
+from qlearn.certificates.within_reach import out_of_reach, tolerance_within_reach
 from qlearn.learners.action_pair_kernel import AnswersInLoops
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 R_co = TypeVar("R_co", covariant=True)
+
+_SIDES = name_code("sides that a tutor is shown")
 
 TutorLike: TypeAlias = Callable[[Query], Answer | int]
 """A ``Tutor``, or a function that returns a verdict on the query's left vector in place of an
@@ -132,7 +137,8 @@ class Result:
 
     ``policy`` (S,) actions; ``asked``: questions to the tutor, audits not counted; ``decided``:
     comparisons by tier; ``shares``: ``q``, or a function that computes it; ``guarantee``: computes
-    the loss bound; ``rounds``: steps, sweeps, or policies solved for; ``discount``: the MDP's.
+    the loss bound; ``rounds``: steps, sweeps, or policies solved for; ``discount``: the MDP's;
+    ``tolerance`` and ``budget`` of questions: as the learner was given them, None if it has none.
     """
 
     policy: NDArray[np.int64]
@@ -148,6 +154,8 @@ class Result:
     guarantee: Callable[[], Guarantee]
     discount: float
     member_guarantees: Callable[[], Mapping[str, Guarantee]] = dict
+    tolerance: float | None = None
+    budget: int | None = None
 
     def __str__(self) -> str:
         """Return the status, the number of questions, and what the loss bound means.
@@ -157,8 +165,14 @@ class Result:
         questions = (
             "1 question was asked" if self.asked == 1 else f"{self.asked:,} questions were asked"
         )
-        words = f"{self.status.sentence}\n{questions}.\n{self._loss_in_words()}"
-        return "\n".join([words, *self._members_in_words()])
+        parts = (
+            self.status.sentence,
+            f"{questions}.",
+            self._loss_in_words(),
+            self._members_in_words(),
+            self.outlook,
+        )
+        return "\n".join(part for part in parts if part)
 
     def __repr__(self) -> str:
         parts = [f"status={self.status.name}", f"asked={self.asked}"]
@@ -222,16 +236,16 @@ class Result:
         """
         return {name: float(found.loss_bound) for name, found in self._of_members.items()}
 
-    def _members_in_words(self) -> list[str]:
+    def _members_in_words(self) -> str:
         if len(self._of_members) < 2:
-            return []
+            return ""
         said = ", ".join(
             f"{name} {_rounded_up(100 * bound)}%" for name, bound in self.member_loss_bounds.items()
         )
-        return [
+        return (
             "That is by the mean scale of all. By their own scale it loses each at most, of the "
             f"value range: {said}."
-        ]
+        )
 
     def _loss_in_words(self) -> str:
         if np.isnan(self.loss_bound):
@@ -254,6 +268,26 @@ class Result:
             return f"proven, {assumed_of_answers(wrong_of(self.comparator), 'the')}"
         return (
             f"with probability {self.confidence:.4g}, if the tutor errs as the comparator assumes"
+        )
+
+    @property
+    def outlook(self) -> str:
+        """A sentence if the tutor errs too much for the tolerance to be reached, else "".
+
+        It is said early, from 30 answers on, and only if a budget of questions was stated
+        (``max_queries``) and the comparator learns the tutor's precision. What it says can be had
+        is a rough figure; ``loss_bound`` is what holds.
+        """
+        ended = self.status in (Status.CONVERGED, Status.CERTIFIED, Status.BOUNDED)
+        if self.tolerance is None or self.budget is None or ended:
+            return ""
+        if not out_of_reach(self.comparator, self.tolerance, self.budget):
+            return ""
+        had = tolerance_within_reach(self.comparator, self.budget)
+        return (
+            f"By the answers so far the tutor errs so often where two things are close (precision "
+            f"{self.comparator.precision:.2g}) that {100 * self.tolerance:.3g}% "  # type: ignore[attr-defined]
+            f"is out of reach within {self.budget:,} questions: about {100 * had:.2g}% can be had."
         )
 
     @property
@@ -389,6 +423,7 @@ class Learner:
         *,
         more: NDArray[np.int64] | int = 0,
         guarantee: Callable[[], Guarantee] | None = None,
+        tolerance: float | None = None,
     ) -> Result:
         """Return the Result of this policy, which must stay as it is.
 
@@ -413,6 +448,8 @@ class Learner:
             guarantee=guarantee or partial(loss_bound, mdp, policy.copy(), elicitation.comparator),
             discount=mdp.discount,
             member_guarantees=partial(_of_members, mdp, policy.copy(), elicitation.comparator),
+            tolerance=tolerance,
+            budget=elicitation.max_queries,
         )
 
 
@@ -465,6 +502,7 @@ def drive(
     log: AnswerLog | None = None,
     progress: Callable[[R_co], None] | None = None,
     on_conflict: OnConflict = "raise",
+    seed: Seed | None = 0,
 ) -> R_co:
     """Ask and tell until the learner asks no more.
 
@@ -479,7 +517,13 @@ def drive(
     its own pair only. Where the tutor raises, or is interrupted, at one of several questions
     (``batch``), the answers to those before are logged and told all the same. ``progress`` is
     called with the Result so far after every round of questions. AlwaysAsk with a simulated tutor
-    asks so much that only counts are kept. Raises StaleAnswer, before any answer of the round is
+    asks so much that only counts are kept.
+
+    The tutor is shown half of the pairs right to left, by chance, so that a liking for one side
+    favours no policy. ``seed`` draws the sides; None draws them anew each time. The answers are
+    told and logged in terms of the learner's own left, with ``swapped`` for what was exchanged.
+
+    Raises StaleAnswer, before any answer of the round is
     logged, where the tutor answers what was not asked.
     """
     require(on_conflict in ("raise", "drop"), "on_conflict", "'raise' or 'drop'", on_conflict)
@@ -495,7 +539,7 @@ def drive(
     if quiet and own and isinstance(tutor, AnswersInLoops) and isinstance(learner, AsksWithin):
         learner.ask_within(tutor)
     try:
-        return _driven(learner, tutor, log, progress, on_conflict)
+        return _driven(learner, _by_sides(tutor, seed), log, progress, on_conflict)
     finally:  # whoever asks it next is not to get this tutor's answers
         if signs is not None:
             learner.consult(None)
@@ -519,9 +563,34 @@ def _signs_of(tutor: TutorLike) -> Callable[[ArrayLike], NDArray[np.int8]] | Non
     return None
 
 
+def _by_sides(tutor: TutorLike, seed: Seed | None) -> Callable[[Query], Answer]:
+    """Return the tutor as one who is shown half of the queries right to left."""
+    key = key_of(seed_of(seed))
+
+    def ask(query: Query) -> Answer:
+        if int(fold(key, _SIDES, name_code(query.id))) & 1:
+            return _answer_of(tutor(query), query)
+        shown = exchanged(query)
+        answer = _answer_of(tutor(shown), shown)
+        if not isinstance(answer, Answer) or answer.query.id != query.id:
+            return answer  # refused by ``match``
+        verdict = None if answer.verdict is None else answer.verdict.flipped
+        # whatever else the answer says, such as who gave it, stays
+        return replace(answer, query=query, verdict=verdict, swapped=not answer.swapped)
+
+    return ask
+
+
+def exchanged(query: Query) -> Query:
+    """Return the query with left and right exchanged, also in its words."""
+    words = {"(left)": "(right)", "(right)": "(left)"}
+    about = re.sub(r"\((left|right)\)", lambda found: words[found[0]], query.about)
+    return replace(query, left=query.right, right=query.left, about=about)
+
+
 def _driven(
     learner: Drivable[R_co],
-    tutor: TutorLike,
+    tutor: Callable[[Query], Answer],
     log: AnswerLog | None,
     progress: Callable[[R_co], None] | None,
     on_conflict: OnConflict,
@@ -530,7 +599,7 @@ def _driven(
         given: list[Answer] = []
         try:
             for query in queries:
-                given.append(_answer_of(tutor(query), query))
+                given.append(tutor(query))
         except BaseException as error:  # also Ctrl+C: what the tutor said before is kept
             try:
                 _log_and_tell(learner, match(given, queries), log, on_conflict)

@@ -219,7 +219,14 @@ class InteractivePolicyIteration(Learner):
         shares = partial(q_of, np.arange(self._mdp.n_states), over.v, model_of(self._mdp))
         policy = over.policy.copy()
         return self._result(
-            self._mdp, policy, shares, self._end, rounds.rounds, more=settled, guarantee=in_full
+            self._mdp,
+            policy,
+            shares,
+            self._end,
+            rounds.rounds,
+            more=settled,
+            guarantee=in_full,
+            tolerance=self._enough,
         )
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:

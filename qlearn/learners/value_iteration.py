@@ -160,7 +160,7 @@ class InteractiveValueIteration(Learner):
             )  # computed when first read
         else:  # where sweeps end, values may still have far to go, all alike
             shares = partial(_followed_from, v, policy, mdp, _EVALUATED * self._small_span)
-        return self._result(mdp, policy, shares, self._end, self._sweeps)
+        return self._result(mdp, policy, shares, self._end, self._sweeps, tolerance=self._tolerance)
 
     def _go_on(self) -> tuple[Query, ...]:
         self._act_on_answers()

@@ -39,7 +39,7 @@ from benchmarks.learning.learning_runs import Setting
 from benchmarks.learning.learning_tables import Kind, described
 from benchmarks.paper import ablation_table, assumptions, exploration, literal
 from benchmarks.paper.paired_runs import Choice, measure_all
-from benchmarks.people import answers_of_people
+from benchmarks.people import answers_of_people, gains
 from benchmarks.people.repeats import of_logs
 from benchmarks.posteriors import preference_posteriors
 from benchmarks.reporting import with_interval
@@ -323,6 +323,11 @@ def answered_again(text: str) -> Iterator[str | Cells]:
     yield from (cells(line) for line in made if line.startswith("| 20 times"))
 
 
+def liked(text: str) -> Iterator[str | Cells]:
+    """Rows of the people whose answers are shipped."""
+    yield from gains.gamble_rows("20 times", lambda number: repeated_gambles(sets=[number]), (1,))
+
+
 def claimed(text: str) -> Iterator[str | Cells]:
     yield claims_page(pd.read_csv(ROOT / "notebooks" / "data" / "figures.csv"))
 
@@ -399,6 +404,7 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("RESULTS-bradley-terry", fits),
     ("RESULTS-posteriors", believed, SLOW),
     ("RESULTS-people", answered_again),
+    ("RESULTS-people-gains", liked),
     ("RESULTS", learned, SLOW),
     ("RESULTS-ivi", swept, SLOW),
     ("RESULTS-lp", streams, SLOW),
@@ -409,6 +415,7 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
 NOT_AGAIN = {
     "RESULTS-ivi-huge": "its least row of ours takes a minute and a half, and 2 GiB",
     "RESULTS-cold": "it has nothing but seconds",
+    "RESULTS-promise": "each of its rows is of some hundred runs",
     **{
         page.name: "tests/whole/test_notebooks.py runs them"
         for page in PAGES

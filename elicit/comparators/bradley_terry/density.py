@@ -36,7 +36,8 @@ class ParticlePrior(NamedTuple):
     g. The precision has log c ~ N(mean, sd^2); ``fixed`` > 0 is a known precision, and then the
     level of x means nothing. The lapse is ``lapse``. If that is negative, the lapse is a
     coordinate: LEAST_LAPSE or more, and Beta(a, b) a priori otherwise. If ``tie`` > 0, the width is
-    a coordinate, uniform up to ``tie`` a priori.
+    a coordinate, uniform up to ``tie`` a priori. Gaps, precision and lapse may instead be those of
+    one of some kinds of earlier people.
     """
 
     shapes: Floats  # (nodes,), at most BLOCK
@@ -50,6 +51,8 @@ class ParticlePrior(NamedTuple):
     tie: float
     above: Floats  # (r, p) rows with row.g >= limits
     limits: Floats  # (r,)
+    general: float  # log weight of the law above beside ``kinds``, with its constants
+    kinds: Floats  # (q, 5 + p) see ``among_kinds``; q = 0: the law above is all of the prior
 
 
 @compiled
@@ -101,9 +104,36 @@ def log_prior(x: Any, prior: ParticlePrior, theta: Any, work: Any) -> float:
     found: float = best + math.log(total) - 0.5 * z * z
     if prior.lapse < 0.0:
         found += log_logistic(x[p], prior.lapse_a, prior.lapse_b)
+    if len(prior.kinds) > 0:
+        found = among_kinds(x, log_c, found + prior.general, prior, work[1])
     if prior.tie > 0.0:
         found += log_logistic(x[len(x) - 1], 1.0, 1.0)
     return found
+
+
+@compiled
+def among_kinds(x: Any, log_c: float, general: float, prior: ParticlePrior, terms: Any) -> float:
+    """Return the log density of a mixture of the general law and of kinds of people.
+
+    A row of ``prior.kinds`` is the log of the kind's weight with its constants, the mean and the
+    standard deviation of log c, the two parameters of the lapse, and those of a Dirichlet law of
+    the gaps. ``general`` is the log of the general law's part, and ``terms`` (BLOCK,) is
+    overwritten.
+    """
+    best, total, p = general, 0.0, prior.kinds.shape[1] - 5
+    for i in range(len(prior.kinds)):
+        at, z = prior.kinds[i, 0], (log_c - prior.kinds[i, 1]) / prior.kinds[i, 2]
+        for j in range(p):
+            at += prior.kinds[i, 5 + j] * (x[j] - log_c)
+        at -= 0.5 * z * z
+        if prior.lapse < 0.0:
+            at += log_logistic(x[p], prior.kinds[i, 3], prior.kinds[i, 4])
+        terms[i] = at
+        best = max(best, at)
+    total += small_exp(min(best - general, FARTHEST))
+    for i in range(len(prior.kinds)):
+        total += small_exp(min(best - terms[i], FARTHEST))
+    return best + math.log(total)
 
 
 @compiled

@@ -164,11 +164,31 @@ def _log_prior(x: Floats, p: int, prior: ParticlePrior) -> tuple[Floats, Floats]
     )
     if prior.lapse < 0.0:
         found += _log_logistic(x[p], prior.lapse_a, prior.lapse_b)
+    if len(prior.kinds):
+        found = _among_kinds(x, log_c, found + prior.general, prior)
     if prior.tie > 0.0:
         found += _log_logistic(x[-1], 1.0, 1.0)
     for above, limit in zip(prior.above, prior.limits, strict=True):
         found[~(_in_order(above[:, None] * theta) >= limit * c)] = -np.inf
     return found, theta
+
+
+def _among_kinds(x: Floats, log_c: Floats, general: Floats, prior: ParticlePrior) -> Floats:
+    """Return ``density.among_kinds`` (q,) of particles x (size, q)."""
+    p, best, terms = prior.kinds.shape[1] - 5, general, []
+    for constant, mean, sd, a, b, *shapes in prior.kinds.tolist():
+        at, z = np.full(len(log_c), constant), (log_c - mean) / sd
+        for shape, part in zip(shapes, x, strict=False):
+            at = at + shape * (part - log_c)
+        at -= 0.5 * z * z
+        if prior.lapse < 0.0:
+            at += _log_logistic(x[p], a, b)
+        terms.append(at)
+        best = np.maximum(best, at)
+    total = exp_of_minus(np.minimum(best - general, FARTHEST))
+    for at in terms:
+        total = total + exp_of_minus(np.minimum(best - at, FARTHEST))
+    return np.asarray(best + _each(math.log, total))
 
 
 def _slips(x: Floats, theta: Floats, prior: ParticlePrior) -> tuple[Floats, Floats]:

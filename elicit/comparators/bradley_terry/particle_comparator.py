@@ -15,19 +15,28 @@ from __future__ import annotations
 import copy
 import math
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cached_property
+from typing import Protocol, TypeAlias, TypedDict, Unpack, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import betaincinv, expit, gammaln, logit, ndtri
+from scipy.special import betaincinv, betaln, expit, gammaln, logit, logsumexp, ndtri
 
 from elicit._support.fixed_order import product
-from elicit._support.hashing import Seed, fold, key_of
+from elicit._support.hashing import Seed, fold, key_of, name_code
+from elicit._support.keywords import check_keywords
 from elicit._support.seeds import seed_of
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, is_range, is_whole, require
 from elicit.comparators.bradley_terry.density import ParticlePrior
+from elicit.comparators.bradley_terry.earlier_people import (
+    EarlierPeople,
+    OwnParticles,
+    drawn,
+    learned_from,
+    log_dirichlet,
+)
 from elicit.comparators.bradley_terry.mcmc import move
 from elicit.comparators.bradley_terry.smc import (
     SWEEPS,
@@ -73,6 +82,40 @@ who flips three answers in ten) still within what is foreseen. ``tutor_report`` 
 prior."""
 
 
+PARTICLES = 1000
+"""Default number of particles."""
+
+_PEOPLE = name_code("earlier people")
+
+
+class HasAnswers(Protocol):
+    """An answer log, as far as ``like`` reads it."""
+
+    def answers(self) -> Answers:
+        """Return the answers that a comparator learns from."""
+
+
+Logs: TypeAlias = Mapping[str, HasAnswers | Answers] | Iterable[HasAnswers | Answers]
+"""One answer log, or its Answers, for each of some people; perhaps by their names."""
+
+
+class ParticleOptions(TypedDict, total=False):
+    """Keywords of ``PosteriorComparator`` that few need.
+
+    Attributes
+    ----------
+    particles : int
+        Number of particles. Default 1000.
+    shape : (low, high), optional
+        A priori the gaps are Dirichlet(a), with log a uniform between the logs of these two. None:
+        the two of ``CONCENTRATION``, each over k - 1. (1, 1) is uniform, and overconfident on
+        scales with a few large gaps.
+    """
+
+    particles: int
+    shape: tuple[float, float] | None
+
+
 class Degenerate(RuntimeWarning):
     """Warning that too few particles carry the weight for probabilities to be trusted."""
 
@@ -103,23 +146,32 @@ class PosteriorComparator:
         half an answer each way.
     level : float
         Posterior probability that a verdict needs, in (1/2, 1).
-    particles : int
-        Number of particles.
-    shape : (low, high), optional
-        A priori the gaps are Dirichlet(a), with log a uniform between the logs of these two. None:
-        the two of ``CONCENTRATION``, each over k - 1. (1, 1) is uniform, and overconfident on
-        scales with a few large gaps.
     prior : optional
         Inequalities that hold for certain: (A, b) with A e >= b, texts such as "e4 >= 2*e2", or
         linear cvxpy constraints over ``elicit.scale_variable(k)``. For texts that use the levels'
         own names see ``elicit.inequalities(texts, labels=...)``.
     seed : int, SeedSequence, Generator or None
         Kept as an int. None draws a new one.
+    like : logs of earlier people, optional
+        One ``AnswerLog`` or ``Answers`` a person, in a list or in a dict by name: which scales,
+        precisions and lapses were common among them is then likelier a priori. The general prior
+        keeps the weight of four people, for the next person may be like none of them. Learning it
+        takes about as long as telling a comparator all their answers. The ``like`` of another
+        comparator of this k is taken as it is.
+    **options
+        ``particles`` and ``shape``: see ``ParticleOptions``.
+
+    Attributes
+    ----------
+    like : EarlierPeople or None
+        What was learned from earlier people.
 
     Raises
     ------
     ValueError
-        If a setting is out of range.
+        If a setting is out of range, or a log is about another number of levels.
+    TypeError
+        For an unknown keyword, or if ``like`` is not one log a person.
     """
 
     def __init__(
@@ -128,12 +180,14 @@ class PosteriorComparator:
         precision: float | None = None,
         lapse: float | None = None,
         level: float = 0.95,
-        particles: int = 1000,
-        shape: tuple[float, float] | None = None,
         prior: PriorLike = None,
         seed: Seed | None = 0,
         tie: float = TIE,
+        like: Logs | EarlierPeople | None = None,
+        **options: Unpack[ParticleOptions],
     ) -> None:
+        check_keywords(type(self), options, ParticleOptions.__annotations__)
+        particles, shape = options.get("particles", PARTICLES), options.get("shape")
         self.k = check_levels(k)
         known = precision is None or is_number(precision, 0)
         require(known, "precision", "None or a finite number of at least 0", precision)
@@ -159,10 +213,66 @@ class PosteriorComparator:
         self.prior = as_prior(prior, self.k)
         self._key = np.uint64(key)
         self._prior = self._log_prior()
+        self.like: EarlierPeople | None = None
         self._forget()
+        if like is not None:
+            self._like(like)
 
     def __repr__(self) -> str:
-        return f"PosteriorComparator(k={self.k}, level={self.level:g}, {len(self.answers)} answers)"
+        like = f", like {self.like.people} earlier people" if self.like else ""
+        return (
+            f"PosteriorComparator(k={self.k}, level={self.level:g}{like}, "
+            f"{len(self.answers)} answers)"
+        )
+
+    def _like(self, people: Logs | EarlierPeople) -> None:
+        """Take over, or learn, what earlier people have in common, and start from there."""
+        if isinstance(people, EarlierPeople):
+            found, known = people, [len(kind.shapes) + 1 for kind in people.kinds]
+            if known[0] != self.k:
+                raise ValueError(f"like= was learned for {known[0]} levels, not {self.k}")
+        else:
+            told = [answers for answers in _answers_of(people, self.k) if len(answers)]
+            if not told:
+                return
+            found = learned_from(
+                [self._own_particles(i, answers) for i, answers in enumerate(told)],
+                sum(map(len, told)),
+                self._general,
+                self.shape[0],
+                self.given_lapse is None,
+                int(fold(self._key, _PEOPLE)),
+            )
+        general = math.log(found.newcomer) - math.log(2.0) - math.log(PRECISION[1])
+        if self.given_lapse is None:
+            general -= float(betaln(*LAPSE))
+        kinds = np.ascontiguousarray(found.rows(self.given_lapse is None))
+        self.like, self._prior = found, self._prior._replace(general=general, kinds=kinds)
+        self._forget()
+
+    def _own_particles(self, number: int, answers: Answers) -> OwnParticles:
+        """Return what an earlier person's answers alone say of them, by the general prior."""
+        own = copy.copy(self)
+        own._key = np.uint64(fold(self._key, _PEOPLE, number))
+        own._forget()
+        own = own.update(answers)
+        x = own._x[:, : self.k - 1]
+        log_c = logsumexp(x, axis=1)
+        lapse = expit(own._x[:, self.k - 1]) if self.given_lapse is None else own._slips[0]
+        return OwnParticles(x - log_c[:, None], log_c, lapse, own._gaps_and_weights[1])
+
+    def _general(self, at: OwnParticles) -> Floats:
+        """Return the log density (n,) of the prior without earlier people, up to the constant of a
+        standard normal, in the logs of gaps, log c, and the logit of a learned lapse.
+        """
+        prior = self._prior
+        logs = prior.constants[:, None] + prior.shapes[:, None] * at.log_gaps.sum(axis=1)
+        found = logsumexp(logs, axis=0) - math.log(2.0)
+        found -= 0.5 * ((at.log_c - prior.mean) / prior.sd) ** 2 + math.log(prior.sd)
+        if self.given_lapse is None:
+            a, b = LAPSE
+            found += a * np.log(at.lapse) + b * np.log1p(-at.lapse) - betaln(a, b)
+        return np.asarray(found)
 
     def _forget(self) -> None:
         """Return to the prior."""
@@ -427,7 +537,17 @@ class PosteriorComparator:
             -1.0 if self.given_lapse is None else self.given_lapse,
         )
         return ParticlePrior(
-            shapes, constants, *PRECISION, fixed, lapse, *LAPSE, 0.0, above, limits
+            shapes,
+            constants,
+            *PRECISION,
+            fixed,
+            lapse,
+            *LAPSE,
+            0.0,
+            above,
+            limits,
+            0.0,
+            np.empty((0, p + 5)),
         )
 
     def _first_particles(self) -> Floats:
@@ -439,18 +559,27 @@ class PosteriorComparator:
         )
         spread = (rng.permutation(m) + rng.random(m)) / m  # stratified
         a = np.exp(np.log(self.shape[0]) + spread * np.log(self.shape[1] / self.shape[0]))[:, None]
-        # log of a gamma variate of a small shape, which itself may underflow
-        x = np.log(rng.standard_gamma(a + 1.0, size=(m, p))) + np.log(rng.random((m, p))) / a
-        x -= x.max(axis=1, keepdims=True)
-        x -= np.log(np.exp(x).sum(axis=1, keepdims=True))
+        x = log_dirichlet(rng, np.broadcast_to(a, (m, p)))
         log_c = PRECISION[0] + PRECISION[1] * ndtri((rng.permutation(m) + rng.random(m)) / m)
-        columns = [self._within(np.ascontiguousarray(x + log_c[:, None]))]
-        for learned, law in ((self._prior.lapse < 0, LAPSE), (self._prior.tie > 0, (1.0, 1.0))):
-            if learned:
-                columns.append(
-                    logit(betaincinv(*law, (rng.permutation(m) + rng.random(m)) / m))[:, None]
-                )
-        return np.ascontiguousarray(np.concatenate(columns, axis=1))
+        x = np.ascontiguousarray(x + log_c[:, None])
+        slips = [
+            logit(betaincinv(*law, (rng.permutation(m) + rng.random(m)) / m))[:, None]
+            for learned, law in (
+                (self._prior.lapse < 0, LAPSE),
+                (self._prior.tie > 0, (1.0, 1.0)),
+            )
+            if learned
+        ]
+        if self.like is None:
+            return np.ascontiguousarray(np.concatenate([self._within(x), *slips], axis=1))
+        of, draws = drawn(self.like, rng, m)
+        for i, (log_gaps, log_precision, lapse) in enumerate(draws):
+            x[of == i] = log_gaps + log_precision[:, None]
+            if self._prior.lapse < 0:
+                slips[0][of == i, 0] = logit(np.clip(lapse, 1e-300, 1.0 - 1e-16))
+        learned = len(slips) - (self._prior.tie > 0)
+        x = self._within(np.ascontiguousarray(np.concatenate([x, *slips[:learned]], axis=1)))
+        return np.ascontiguousarray(np.concatenate([x, *slips[learned:]], axis=1))
 
     def _within(self, x: Floats) -> Floats:
         """Return particles of the prior moved to where its inequalities hold.
@@ -466,10 +595,12 @@ class PosteriorComparator:
                 f"{'; '.join(self.prior.names)}"
             )
         above, limits = self._prior.above, self._prior.limits
-        gaps_alone = self._prior._replace(lapse=max(0.0, self._prior.lapse), tie=0.0)
+        law, p = self._prior._replace(tie=0.0), self.k - 1
+        if x.shape[1] == p:
+            law = law._replace(lapse=max(0.0, law.lapse))
         nothing, untied, m = np.zeros((self.k - 1, 1)), np.zeros(1, dtype=np.bool_), self.particles
         for stage in range(200):
-            theta = np.exp(x - x.max(axis=1, keepdims=True))
+            theta = np.exp(x[:, :p] - x[:, :p].max(axis=1, keepdims=True))
             short = (limits - product(theta / theta.sum(axis=1, keepdims=True), above.T)).max(
                 axis=1
             )
@@ -479,7 +610,7 @@ class PosteriorComparator:
             if 0.0 < gap < _THIN:
                 break
             x = x[np.resize(np.flatnonzero(short <= gap), m)].copy()
-            eased = gaps_alone._replace(limits=limits - gap)
+            eased = law._replace(limits=limits - gap)
             with np.errstate(all="ignore"):
                 move(x, nothing, untied, 1, 1.0, eased, fold(self._key, m, stage)[()], SWEEPS)
         raise ValueError(
@@ -487,3 +618,24 @@ class PosteriorComparator:
             "draw scales from: "
             "relax some of them"
         )
+
+
+def _answers_of(people: Logs, k: int) -> list[Answers]:
+    """Return the answers of each of some people. Raises TypeError and ValueError."""
+    wanted = "like= takes one AnswerLog or Answers a person, in a list or in a dict by name"
+    if isinstance(people, (str, bytes, Answers)) or hasattr(people, "answers"):
+        raise TypeError(f"{wanted}, not {type(people).__name__}: for one person write like=[...]")
+    if not isinstance(people, Iterable):
+        raise TypeError(f"{wanted}, not {people!r}")
+    by_name = people if isinstance(people, Mapping) else dict(enumerate(people))
+    found = []
+    for name, log in by_name.items():
+        if not isinstance(log, Answers) and not callable(getattr(log, "answers", None)):
+            raise TypeError(f"{wanted}, but that of {name!r} is {log!r}")
+        answers = log if isinstance(log, Answers) else cast(HasAnswers, log).answers()
+        if answers.k != k:
+            raise ValueError(
+                f"the answers of {name!r} in like= are about {answers.k} levels, not {k}"
+            )
+        found.append(answers)
+    return found

@@ -197,7 +197,11 @@ def test_where_no_bags_tell_more_whole_numbers_near_the_shares_go_on(
     lets_answer: Callable[..., str], tmp_path: Path
 ) -> None:
     said = " ".join(
-        lets_answer(VALUES, "--problem", "random", "--seed", "3", "--tolerance", "0.001").split()
+        lets_answer(
+            VALUES,
+            *("--problem", "random", "--seed", "3", "--tolerance", "0.001"),
+            *("--comparator", "polytope"),
+        ).split()
     )
     assert "There are no more questions" in said
     assert "(Rounded" not in said  # else what is certified could be untrue
@@ -507,7 +511,7 @@ def test_answers_that_do_not_go_together_are_said_and_change_with_the_comparator
     assert all(entry.used for entry in AnswerLog.read("answers-random.jsonl"))
     typing = Careless(lambda: capsys.readouterr().out)
     monkeypatch.setattr(sys, "stdin", typing)
-    code = main(["teach", "--problem", "random", "--audit", "0"])
+    code = main(["teach", "--problem", "random", "--audit", "0", "--comparator", "polytope"])
     shown = typing.text + capsys.readouterr().out
     assert code == 0
     assert f"Going on after {len(given)} answers." in shown

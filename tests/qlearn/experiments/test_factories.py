@@ -84,7 +84,8 @@ def test_a_mapping_names_ours_by_themselves_and_yours_by_their_factories() -> No
         ({"problems": {"": tiny}}, "not '': <function tiny"),
         (
             {"tutors": ["flip"]},
-            "tutors must each be \"package.module:factory\", or of a mapping .*, not 'flip'",
+            'tutors must each be one of person, or "package.module:factory", or of a mapping .*, '
+            "not 'flip'",
         ),
         (
             {"comparators": {"always": exact}},

@@ -11,14 +11,22 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from elicit import FlippingTutor, PolytopeComparator, Query, TruthfulTutor
+from elicit import (
+    FlippingTutor,
+    PersonTutor,
+    PolytopeComparator,
+    PosteriorComparator,
+    Query,
+    TruthfulTutor,
+)
 from elicit.model.scale import Floats
 from elicit.testing import check_comparator
-from qlearn import InteractiveValueIteration, drive
+from qlearn import InteractivePolicyIteration, InteractiveValueIteration, drive
 from qlearn.experiments import run as runs
 from qlearn.experiments.ablation import ablate, summarise
 from qlearn.experiments.ablation_plot import NAMES, plot_ablation, table
 from qlearn.experiments.own_parts import Counted
+from qlearn.experiments.settings import AblationSettings
 from tests.own_cases import Exact, careless, certified, exact, tiny
 from tests.sweep_cases import TINY
 
@@ -188,6 +196,36 @@ def test_a_run_with_a_tutor_and_a_learner_of_the_users_can_be_rebuilt_by_hand() 
     ]  # no oracle: it is held to the best policy
     assert rows.excess_loss.tolist() == rows.loss.tolist()
     assert rows.paper_loss_percent.isna().all()
+
+
+def test_simulated_persons_are_a_tutor_by_name() -> None:
+    given = {
+        "tutors": ["person"],
+        "comparators": ["posterior"],
+        "learners": ["policy-iteration"],
+        "problems": {"box": tiny},
+        "tolerance": 1e-3,
+    }
+    rows = ablate(**SMALL | given | {"error_rates": (), "seeds": 2, "audit": 0.0}, jobs=1)
+    persons = rows[rows.error_rate == "person"]
+    assert len(persons) == 2
+    for row in persons.itertuples():
+        mdp, values = tiny(int(row.seed))
+        tutor = PersonTutor(values, seed=int(row.seed))
+        settings = replace(AblationSettings(), **SMALL | given)
+        learner = InteractivePolicyIteration(
+            mdp,
+            PosteriorComparator(
+                mdp.k, lapse=settings.lapse, seed=int(row.seed), particles=settings.particles
+            ),
+            tolerance=settings.tolerance,
+            max_queries=settings.max_queries,
+            seed=int(row.seed),
+        )
+        result = drive(learner, tutor)
+        assert row.asked == result.asked > 0
+        assert row.realised_error_rate == tutor.realised_error_rate
+    assert "person" in table(summarise(rows))
 
 
 def test_a_tutor_who_takes_a_reference_gets_differences_to_set_her_noise_by() -> None:

@@ -500,7 +500,9 @@ def test_a_contradiction_before_a_tutor_raises_is_logged_unused() -> None:
     def fails_late(query: Query) -> Answer:
         if query.id == "q3":
             raise Failing
-        return Answer(query, Verdict.BETTER)
+        asked = next(each for each in ring.ask() if each.id == query.id)
+        same_side = (query.left == asked.left).all()
+        return Answer(query, Verdict.BETTER if same_side else Verdict.WORSE)
 
     ring: Any = Ring()
     log = AnswerLog()

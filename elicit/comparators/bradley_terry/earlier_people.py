@@ -1,0 +1,246 @@
+"""A prior from earlier people: which scales, precisions and lapses are common among them.
+
+People are of a few kinds. A kind has a Dirichlet law of the gaps, a normal law of log c, and a Beta
+law of the lapse. They are fitted by expectation-maximisation to particles of each person's own
+posterior, which are weighted anew in each step by how likely they are among the kinds. So one
+person learns from the others, and an unsteady person says little.
+
+The next person may be like nobody before. So the general prior keeps a share of the weight that
+falls with the number of people: ``NEWCOMERS / (NEWCOMERS + people)``, as in Blackwell and
+MacQueen's (1973) urn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import betaln, digamma, gammaln, logsumexp, polygamma
+
+from elicit.model.scale import Floats
+
+NEWCOMERS = 4.0
+"""Number of people that the general prior counts as."""
+
+MOST_KINDS, PEOPLE_A_KIND = 3, 12  # one kind more for each so many people
+STEPS = 30  # of expectation-maximisation
+NEWTON = 40  # steps of a fit of a Dirichlet law
+DIGITS = 4  # of fitted parameters: processors differ in the last of sixteen
+LEAST_SD = 0.1  # of log c within a kind
+_LEAST_LAPSE = 1e-4
+
+
+class OwnParticles(NamedTuple):
+    """Weighted particles of one person's own posterior: logs of gaps (m, p), log c, and lapse."""
+
+    log_gaps: Floats
+    log_c: Floats
+    lapse: Floats
+    weights: Floats
+
+
+class Kind(NamedTuple):
+    """One kind of people, and its share among the earlier ones."""
+
+    share: float
+    shapes: tuple[float, ...]  # of the Dirichlet law of the gaps
+    log_precision: float
+    log_precision_sd: float
+    lapse_a: float
+    lapse_b: float
+
+
+class EarlierPeople(NamedTuple):
+    """What earlier people's answers say of the next person.
+
+    ``people`` is their number, ``answers`` that of their answers, ``kinds`` what they are like.
+    """
+
+    people: int
+    answers: int
+    kinds: tuple[Kind, ...]
+
+    @property
+    def newcomer(self) -> float:
+        """The weight of the general prior: the next person may be like none of them."""
+        return NEWCOMERS / (NEWCOMERS + self.people)
+
+    def rows(self, learns_lapse: bool) -> Floats:
+        """Return the kinds as ``density.among_kinds`` reads them."""
+        return np.array(
+            [
+                [
+                    float(np.log((1.0 - self.newcomer) * kind.share))
+                    + _constant(kind, learns_lapse),
+                    *kind[2:],
+                    *kind.shapes,
+                ]
+                for kind in self.kinds
+            ]
+        )
+
+
+def _constant(kind: Kind, learns_lapse: bool) -> float:
+    """Return the log of the constants of a kind's laws, but for that of a standard normal."""
+    shapes = np.array(kind.shapes)
+    found = gammaln(shapes.sum()) - gammaln(shapes).sum() - np.log(kind.log_precision_sd)
+    if learns_lapse:
+        found -= betaln(kind.lapse_a, kind.lapse_b)
+    return float(found)
+
+
+def learned_from(
+    people: list[OwnParticles],
+    answers: int,
+    general: Callable[[OwnParticles], Floats],
+    least_shape: float,
+    learns_lapse: bool,
+    seed: int,
+) -> EarlierPeople:
+    """Return what the particles of some people have in common.
+
+    Parameters
+    ----------
+    people : list of OwnParticles
+        One a person, of as many particles each.
+    answers : int
+        Number of their answers.
+    general : callable
+        The log density of the general prior (n,) at particles, in the measure of
+        ``Kind``'s laws, without the constant of a standard normal.
+    least_shape : float
+        Least parameter of a Dirichlet law.
+    learns_lapse : bool
+        If not, the lapse is known, and no part of a kind.
+    seed : int
+
+    Returns
+    -------
+    EarlierPeople
+    """
+    n, m = len(people), len(people[0].weights)
+    pooled = OwnParticles(*(np.concatenate(parts) for parts in zip(*people, strict=True)))
+    lapse = np.clip(pooled.lapse, _LEAST_LAPSE, 1.0 - _LEAST_LAPSE)
+    pooled = pooled._replace(lapse=lapse, weights=np.log(np.maximum(pooled.weights, 1e-300)))
+    before = general(pooled)
+    count = min(MOST_KINDS, 1 + n // PEOPLE_A_KIND)
+    dealt = np.random.default_rng(seed).permutation(n) % count
+    held = np.exp(pooled.weights) * (np.repeat(dealt, m) == np.arange(count)[:, None])
+    newcomer = NEWCOMERS / (NEWCOMERS + n)
+    kinds = _fitted(pooled, held, least_shape, learns_lapse)
+    for _ in range(STEPS):
+        parts = np.stack(
+            [
+                np.log((1.0 - newcomer) * kind.share) + _log_density(kind, pooled, learns_lapse)
+                for kind in kinds
+            ]
+            + [np.log(newcomer) + before]
+        )
+        total = logsumexp(parts, axis=0)
+        logs = (pooled.weights + total - before).reshape(n, m)
+        weights = np.exp(logs - logsumexp(logs, axis=1, keepdims=True)).ravel()
+        held = weights * np.exp(parts[:-1] - total)
+        kinds = _fitted(pooled, held, least_shape, learns_lapse)
+    return EarlierPeople(n, answers, tuple(_rounded(kind) for kind in kinds))
+
+
+def _log_density(kind: Kind, at: OwnParticles, learns_lapse: bool) -> Floats:
+    """Return the log density (n,) of a kind, in the logs of gaps, log c, and the lapse's logit."""
+    found = _constant(kind, learns_lapse) + at.log_gaps @ np.array(kind.shapes)
+    found -= 0.5 * ((at.log_c - kind.log_precision) / kind.log_precision_sd) ** 2
+    if learns_lapse:
+        found += kind.lapse_a * np.log(at.lapse) + kind.lapse_b * np.log1p(-at.lapse)
+    return np.asarray(found)
+
+
+def _fitted(at: OwnParticles, held: Floats, least_shape: float, learns_lapse: bool) -> list[Kind]:
+    """Return the likeliest kinds, of particles held by weights (kinds, n)."""
+    kinds, most = [], held.sum()
+    for part in held:
+        total = part.sum()
+        part = part / total
+        shapes = np.maximum(dirichlet_fit(part @ at.log_gaps), least_shape)
+        mean = float(part @ at.log_c)
+        sd = float(np.sqrt(part @ (at.log_c - mean) ** 2 + LEAST_SD**2))
+        lapse = (1.0, 1.0)
+        if learns_lapse:
+            logs = np.array([part @ np.log(at.lapse), part @ np.log1p(-at.lapse)])
+            lapse = tuple(dirichlet_fit(logs).tolist())
+        # one person's worth of weight, dealt to all kinds, so that none dies out
+        share = (total + 1.0 / len(held)) / (most + 1.0)
+        kinds.append(Kind(float(share), tuple(shapes.tolist()), mean, sd, *lapse))
+    return kinds
+
+
+def dirichlet_fit(mean_logs: Floats) -> Floats:
+    """Return the parameters (p,) of the likeliest Dirichlet law, by Minka's (2000) Newton steps.
+
+    Parameters
+    ----------
+    mean_logs : (p,)
+        Means of the logs of the shares.
+
+    Returns
+    -------
+    (p,)
+    """
+    a = np.full(len(mean_logs), 0.5)
+    for _ in range(NEWTON):
+        slope = digamma(a.sum()) - digamma(a) + mean_logs
+        curve, common = -polygamma(1, a), polygamma(1, a.sum())
+        shared = (slope / curve).sum() / (1.0 / common + (1.0 / curve).sum())
+        step = (slope - shared) / curve
+        a = np.where(a > step, a - step, a / 2.0)
+    return np.asarray(a)
+
+
+def _rounded(kind: Kind) -> Kind:
+    """Return a kind with few digits."""
+    return Kind(
+        _short(kind.share), tuple(_short(shape) for shape in kind.shapes), *map(_short, kind[2:])
+    )
+
+
+def _short(number: float) -> float:
+    return float(f"{number:.{DIGITS}g}")
+
+
+def drawn(
+    earlier: EarlierPeople, rng: np.random.Generator, m: int
+) -> tuple[Floats, list[tuple[Floats, Floats, Floats]]]:
+    """Return which kind each of m people is, -1 for none, and each kind's draws.
+
+    Returns
+    -------
+    kinds : (m,)
+    draws : list of (log_gaps (q, p), log_c (q,), lapse (q,))
+        One a kind, with as many rows as there are people of the kind.
+    """
+    bounds = earlier.newcomer + (1.0 - earlier.newcomer) * np.cumsum(
+        [0.0, *(kind.share for kind in earlier.kinds)]
+    )
+    spread = (rng.permutation(m) + rng.random(m)) / m  # stratified
+    of = np.minimum(np.searchsorted(bounds, spread, side="right") - 1, len(earlier.kinds) - 1)
+    draws = []
+    for i, kind in enumerate(earlier.kinds):
+        q, a = int((of == i).sum()), np.array(kind.shapes)
+        draws.append(
+            (
+                log_dirichlet(rng, np.broadcast_to(a, (q, len(a)))),
+                rng.normal(kind.log_precision, kind.log_precision_sd, q),
+                rng.beta(kind.lapse_a, kind.lapse_b, q),
+            )
+        )
+    return of, draws
+
+
+def log_dirichlet(rng: np.random.Generator, shapes: Floats) -> Floats:
+    """Return logs (m, p) of draws from Dirichlet laws of parameters (m, p).
+
+    A gamma variate of a small shape may underflow, so its logarithm is drawn.
+    """
+    x = np.log(rng.standard_gamma(shapes + 1.0)) + np.log(rng.random(shapes.shape)) / shapes
+    x -= x.max(axis=1, keepdims=True)
+    x -= np.log(np.exp(x).sum(axis=1, keepdims=True))
+    return np.asarray(x)
