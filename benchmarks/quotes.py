@@ -12,7 +12,8 @@ many of its first cells as it takes, with commas: "2, box, 10%, % asked of open"
 tables have the line, `benchmarks/RESULTS.md#10,000 states` is the part under the heading that is or
 begins so; a heading with a colon is put in quotation marks. `~1` after the column rounds the number
 to one decimal, without its interval. The line `all lines` stands for the whole table, with the
-columns that are named.
+columns that are named. `{{qlearn log merge --help}}` is a table of the options of a command, made
+from its parser.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ BLOCK = re.compile(r"^<!-- begin (\S+) -->\n(.*?)^<!-- end \1 -->$", re.DOTALL |
 REFERENCE = re.compile(
     r'\{\{(\S+?\.md)(#"[^"]+"|#[^:{}]+)?: ([^{}]+?): ([^:{}~]+?)(?: ~(\d))?\}\}', re.DOTALL
 )
+COMMAND = re.compile(r"\{\{(qlearn(?: \w+)*) --help\}\}")
 NUMBER = re.compile(r"[-+]?\d[\d,]*(?:\.\d+)?")
 
 
@@ -77,7 +79,34 @@ def filled(text: str, root: Path = ROOT) -> str:
         one = cell(there, name, line, column)
         return rounded(one, int(digits)) if digits else one
 
-    return REFERENCE.sub(found, text)
+    return COMMAND.sub(lambda match: command_options(match[1]), REFERENCE.sub(found, text))
+
+
+def command_options(command: str) -> str:
+    """Return the options of a command of the project, such as "qlearn log merge", as a table."""
+    from qlearn.cli.main import parser
+
+    at = parser()
+    for word in command.split()[1:]:
+        at = next(
+            action.choices[word]
+            for action in at._actions
+            if isinstance(action, argparse._SubParsersAction)
+        )
+    rows = []
+    for action in at._actions:
+        if isinstance(action, (argparse._HelpAction, argparse._SubParsersAction)):
+            continue
+        names = ", ".join(f"`{name}`" for name in action.option_strings) or f"`{action.metavar}`"
+        told = at._get_formatter()._expand_help(action) if action.help else ""
+        kind = str(action.metavar or action.dest.upper())
+        choices = kind[1:-1].split(",") if kind.startswith("{") else action.choices or ()
+        if choices:
+            told += f". One of {', '.join(f'`{choice}`' for choice in choices)}"
+        elif action.option_strings and action.nargs != 0:
+            names += f" {kind}"
+        rows.append([names.replace("|", r"\|"), told.replace("|", r"\|")])
+    return "\n".join(markdown(["option", "meaning [default]"], rows, 2))
 
 
 def rounded(text: str, digits: int) -> str:

@@ -154,10 +154,16 @@ def setup(app: Any) -> None:
             else None
         )
 
+    def leave_out(app: Any, doctree: Any) -> None:
+        """Pages of results are listed in docs/evidence.md, not in the navigation."""
+        if app.env.docname.startswith("benchmarks/RESULTS"):
+            app.env.metadata[app.env.docname]["orphan"] = True
+
     def shorten(*found: Any) -> tuple[str | None, str | None]:
         signature, returned = found[-2:]
         return shortened(signature), shortened(returned)
 
+    app.connect("doctree-read", leave_out)
     app.connect("autodoc-process-docstring", process)
     app.connect("autodoc-process-signature", shorten)
     app.connect("autodoc-skip-member", skip)

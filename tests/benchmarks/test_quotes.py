@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks import quotes
+from qlearn.cli.main import parser
 
 ROOT = quotes.ROOT
 RESULTS = """\
@@ -118,6 +119,31 @@ def test_a_line_that_can_be_two_cannot_be_quoted(folder):
         quotes.filled("{{results.md: default: slope}}", folder)
 
 
+def test_the_options_of_a_command_are_those_of_its_parser():
+    table = quotes.command_options("qlearn log merge").splitlines()
+    assert table[:2] == ["| option | meaning [default] |", "|---|---|"]
+    assert [row.split("|")[1].strip() for row in table[2:]] == [
+        "`FILE`",
+        "`--out` NEW",
+        "`--salvage`",
+    ]
+    assert "[0.01]" in quotes.command_options("qlearn teach")  # a default
+
+
+def test_every_command_is_on_the_page_on_commands():
+    page = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    commands = next(
+        action.choices for action in parser()._actions if isinstance(action.choices, dict)
+    )
+    assert len(commands) >= 5
+    for name in commands:
+        assert f"## `qlearn {name}`" in page, name
+        if name != "log":  # which has commands of its own
+            assert f"{{{{qlearn {name} --help}}}}" in "".join(
+                path.read_text(encoding="utf-8") for path in quotes.BLOCKS.glob("*.md")
+            ), name
+
+
 def test_the_pages_quote_what_is_there_now():
     for page in quotes.PAGES:
         text = page.read_text(encoding="utf-8")
@@ -130,8 +156,9 @@ def test_every_text_of_a_block_is_used_and_every_reference_in_it_is_read():
     assert len(texts) > 5
     assert {*used} == texts.keys()
     for name, text in texts.items():
-        assert quotes.REFERENCE.search(text), name
-        assert "{{" not in quotes.REFERENCE.sub("", text), name
+        left = quotes.COMMAND.sub("", quotes.REFERENCE.sub("", text))
+        assert left != text, name
+        assert "{{" not in left, name
 
 
 def test_there_is_no_other_comment_in_the_pages():
