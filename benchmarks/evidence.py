@@ -116,6 +116,9 @@ PAGES = (  # a notebook after the tables that it reads
     results("RESULTS-headroom", "asking.headroom", 3),
     results("RESULTS-loss", "asking.loss_by_questions", 10),
     results("RESULTS-cuts", "asking.cuts_and_pairs --journal results/cuts.jsonl", 15),
+    results(
+        "RESULTS-families", "comparing.families_and_rules --journal results/families.jsonl", 15
+    ),
     results("RESULTS-wrong", "asking.wrong_answers --journal results/wrong.jsonl", 30),
     results("RESULTS-kinds", "people.kinds_of_question --journal results/kinds.jsonl", 8),
     results("RESULTS-sessions", "asking.person_sessions", 10, "browser"),
@@ -135,6 +138,7 @@ PAGES = (  # a notebook after the tables that it reads
     results("RESULTS-people", "people.answers_of_people results/people", 20),
     results("RESULTS-people-gains", "people.gains results/people", 10),
     results("RESULTS-promise", "people.promise --jobs 2", 60),
+    results("RESULTS-panel", "people.panel --journal results/panel.jsonl", 120),
     results("RESULTS", "learning.learning_cost", 25, "peers"),
     results("RESULTS-ivi", "learning.value_iteration_cost", 6, "peers"),
     results(

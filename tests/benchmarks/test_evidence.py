@@ -39,7 +39,7 @@ from benchmarks.learning.learning_runs import Setting
 from benchmarks.learning.learning_tables import Kind, described
 from benchmarks.paper import ablation_table, assumptions, exploration, literal
 from benchmarks.paper.paired_runs import Choice, measure_all
-from benchmarks.people import answers_of_people, gains
+from benchmarks.people import answers_of_people, gains, kinds_of_question, panel
 from benchmarks.people.repeats import of_logs
 from benchmarks.posteriors import preference_posteriors
 from benchmarks.reporting import with_interval
@@ -144,6 +144,13 @@ def unasked(text: str) -> Iterator[str | Cells]:
     count = int(re.search(r"of (\d+) draws", text)[1])
     for name in ("career", "plant"):
         yield [*headroom.described(name, headroom.losses(name, range(count), ["even"])["even"])]
+
+
+def asked_together(text: str) -> Iterator[str | Cells]:
+    count = int(re.search(r"Seeds 0 to (\d+)", text)[1]) + 1
+    key = panel.SMALL, "independent", "never"
+    found = panel.runs(*key, range(panel.seeds_of(panel.SMALL, count)))
+    yield [*panel.described(*key, found)]
 
 
 def asked_so_far(text: str) -> Iterator[str | Cells]:
@@ -328,6 +335,18 @@ def liked(text: str) -> Iterator[str | Cells]:
     yield from gains.gamble_rows("20 times", lambda number: repeated_gambles(sets=[number]), (1,))
 
 
+def asked_of_each_kind(text: str) -> Iterator[str | Cells]:
+    """Plain questions about one family."""
+    count = int(re.search(r"over (\d+) problems", text)[1])
+    cell = {"problem": "career", "question": kinds_of_question.PLAIN}
+    runs = [
+        kinds_of_question.run(cell | {"scale": scale, "seed": seed})
+        for scale in ("even", "skewed")
+        for seed in range(kinds_of_question.FIRST, kinds_of_question.FIRST + count)
+    ]
+    yield [*kinds_of_question.row("career", kinds_of_question.PLAIN, runs, runs)]
+
+
 def claimed(text: str) -> Iterator[str | Cells]:
     yield claims_page(pd.read_csv(ROOT / "notebooks" / "data" / "figures.csv"))
 
@@ -405,6 +424,8 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("RESULTS-posteriors", believed, SLOW),
     ("RESULTS-people", answered_again),
     ("RESULTS-people-gains", liked),
+    ("RESULTS-panel", asked_together, SLOW),
+    ("RESULTS-kinds", asked_of_each_kind, SLOW),
     ("RESULTS", learned, SLOW),
     ("RESULTS-ivi", swept, SLOW),
     ("RESULTS-lp", streams, SLOW),
