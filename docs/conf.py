@@ -16,7 +16,7 @@ project = "elicit + qlearn"
 copyright = "2026, the elicit + qlearn authors"
 version = release = version_of("elicit-qlearn")
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax"]
+extensions = ["myst_parser", "sphinx.ext.autodoc"]
 root_doc = "docs/index"
 include_patterns = [
     "docs/**.md",
@@ -159,7 +159,7 @@ class NotebookParser(MystParser):
         for cell in json.loads(inputstring)["cells"]:
             source = "".join(cell["source"])
             if cell["cell_type"] == "markdown":
-                parts.append(_MATH.sub(r"{math}`\1`", source))
+                parts.append(_MATH.sub(_as_code, source))
             elif source:
                 parts.append(f"```python\n{source}\n```")
                 parts += [shown for shown in map(_shown, cell["outputs"]) if shown]
@@ -167,6 +167,12 @@ class NotebookParser(MystParser):
 
 
 _MATH = re.compile(r"\$\$?([^$]+?)\$\$?")
+
+
+def _as_code(formula: re.Match[str]) -> str:
+    """A formula of TeX as code, which needs no script to be read."""
+    text = formula[1].replace(r"\,", " ").replace(r"\cdot", ".")
+    return f"`{text}`"
 
 
 def _shown(output: dict[str, Any]) -> str:

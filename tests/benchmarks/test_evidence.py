@@ -31,6 +31,7 @@ from benchmarks.asking import (
     wrong_answers,
 )
 from benchmarks.comparing import comparison_cost
+from benchmarks.contest import redraw
 from benchmarks.evidence import PAGES, ROOT
 from benchmarks.fitting import calibration, calibration_questions, fit_cost
 from benchmarks.fitting.calibration_tables import shown, summary
@@ -159,6 +160,12 @@ def asked_so_far(text: str) -> Iterator[str | Cells]:
     part = frame[frame["method"] == "policy-iteration"]
     shown = loss_by_questions.SHOWN
     yield ["policy iteration", *(loss_by_questions._cell(part, n, "loss") for n in shown)]
+
+
+def contested(text: str) -> Iterator[str | Cells]:
+    """From the committed rows; tests/benchmarks/contest/test_rows.py runs some of them again."""
+    for line in redraw.claim_table(redraw.load())[2:]:
+        yield cells(line)
 
 
 def cut(text: str) -> Iterator[str | Cells]:
@@ -413,6 +420,7 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("about-equal", equal, SLOW),
     ("RESULTS-headroom", unasked, SLOW),
     ("RESULTS-loss", asked_so_far, SLOW),
+    ("RESULTS-contest", contested),
     ("RESULTS-cuts", cut, SLOW),
     ("RESULTS-wrong", wrong, SLOW),
     ("RESULTS-sessions", sessions, SLOW),
