@@ -19,11 +19,11 @@ def tutor_of(
     Raises
     ------
     ValueError
-        If a person has no tutor, or a tutor is of nobody; before anybody is asked.
+        If a person has no tutor, or several have one though one is asked; before anybody is asked.
     """
     if not isinstance(tutor, Mapping):
         return tutor
-    if {*tutor} != {*people} and (people or len(tutor) > 1):
+    if not {*people} <= {*tutor} or (not people and len(tutor) > 1):
         asked = ", ".join(map(repr, people)) or "one tutor alone, for there is no elicit.Panel"
         raise ValueError(
             f"the tutors are of {', '.join(map(repr, tutor))}, but the questions go to {asked}: "

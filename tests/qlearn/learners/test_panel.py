@@ -172,9 +172,9 @@ def test_several_people_are_not_audited():
 
 
 def test_a_tutor_of_several_says_whose_query_it_has_no_answer_to():
-    with pytest.raises(ValueError, match=r"asks 'ann', but there are tutors for 'ben'"):
+    with pytest.raises(ValueError, match="the tutors are of .ben., but the questions go to .ann"):
         drive(LEARNERS["policy"](MDP, panel()), {"ben": TUTORS["ben"]})
-    with pytest.raises(ValueError, match="asks nobody in particular"):
+    with pytest.raises(ValueError, match="one tutor alone"):
         qlearn.solve(MDP, TUTORS, "polytope", seed=0)
     with pytest.raises(ValueError, match="at least one tutor"):
         PanelTutor({})
@@ -227,8 +227,7 @@ def test_a_missing_tutor_is_found_before_anybody_is_asked():
 
     mdp = qlearn.random_mdp(5, 2, 3, seed=0)[0]
     panel = Panel({"a": PolytopeComparator(3), "b": PolytopeComparator(3)})
-    for tutors in ({"a": never, "B": never}, {"a": never, "b": never, "c": never}):
-        with pytest.raises(ValueError, match="give the tutor of each member"):
-            qlearn.solve(mdp, tutors, panel)
+    with pytest.raises(ValueError, match="give the tutor of each member"):
+        qlearn.solve(mdp, {"a": never, "B": never}, panel)
     with pytest.raises(ValueError, match="one tutor alone"):
         qlearn.solve(mdp, {"a": never, "b": never}, PolytopeComparator(3))
