@@ -172,7 +172,7 @@ def test_several_people_are_not_audited():
 
 
 def test_a_tutor_of_several_says_whose_query_it_has_no_answer_to():
-    with pytest.raises(ValueError, match="the tutors are of .ben., but the questions go to .ann"):
+    with pytest.raises(ValueError, match=r"the tutors are of .ben., but the questions go to .ann"):
         drive(LEARNERS["policy"](MDP, panel()), {"ben": TUTORS["ben"]})
     with pytest.raises(ValueError, match="one tutor alone"):
         qlearn.solve(MDP, TUTORS, "polytope", seed=0)
