@@ -27,6 +27,9 @@ screen to be drawn now:
     The person wants the result now.
 ``more``
     The person wants to go on after the end.
+``result``
+    Nothing else. The reply is the screen at the end, also if a question or a conflict waits.
+    Nothing changes.
 
 The other replies are:
 
@@ -97,8 +100,8 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import nullcontext
-from dataclasses import dataclass
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass, replace
 from inspect import signature
 from itertools import chain
 from typing import Any
@@ -107,6 +110,7 @@ from elicit._support.closing import Closing
 from elicit.model.query import Answer, Query, Verdict
 from elicit.person.asker import AfterAnswer, Asker, Compares
 from elicit.person.background import Background
+from elicit.person.course.choices import CHOICES, Choices
 from elicit.person.course.conduct import ORDER, Conduct, differs
 from elicit.person.course.further import LEVEL, level_question, order_question
 from elicit.person.course.repeats import LEAST_CHECKS
@@ -174,13 +178,9 @@ class Interview(Drawing, Closing):
         self._beside: _Beside | None = None
         self._since: list[Verdict | None] = []  # verdicts since then
         self._needed = (0, 0)  # answers and checks that must still come after this question
-        self._stopped = False  # the person wants the result now
-        self._more = False  # the person wants more questions than needed
-        self._other = False  # the person wants another kind of question
-        self._budget: int | None = None
-        self._offered = 0  # number of answers at the last offer, which is not made again
-        self._heard = 0  # number of answers at the last caution
-        self._passed: set[frozenset[str]] = set()  # conflicts that are left as they are
+        # whoever resumes without an answer sees the welcome, and chooses anew
+        self._chosen = Choices.of(session.log.asked) if self._started else Choices()
+        self._kept = replace(self._chosen)  # as the log has them
         self._does: dict[str, Callable[..., dict[str, Any]]] = {
             "state": lambda: self._screen(),
             "start": self._begin,
@@ -191,6 +191,7 @@ class Interview(Drawing, Closing):
             "settle": self._settle,
             "choose": self._choose,
             "finish": self._finish,
+            "result": self._result,
             "more": self._go_on,
             "outlook": self._outlook,
             "answers": self._answers,
@@ -240,25 +241,8 @@ class Interview(Drawing, Closing):
         session, words = self._session, self._subject.words
         standing = [entry for entry in session.log if not entry.retracted]
         answered = sum(not entry.repeat for entry in standing)
-        last = standing[-1].answer if standing else None
-        screen: dict[str, Any] = {
-            "title": printable(words.title),
-            "preamble": printable(words.preamble),
-            "note_beside": printable(words.note),
-            "legend": self._legend(),
-            "stage": "welcome",
-            "answered": answered,
-            "open_conflicts": sum(CONTRADICTS in e.metadata and not e.used for e in standing),
-            "budget": self._budget,
-            "last": last and {"id": last.query.id, "sentence": self._sentence(standing[-1])},
-            "note": note,
-            "welcome": None,
-            "question": None,
-            "conflict": None,
-            "offer": None,
-            "end": None,
-        }
-        if not standing and not self._practised and not self._stopped:
+        screen = self._screen_of(standing, note)
+        if not standing and not self._practised and not self._chosen.stopped:
             if not self._started and session.question() is not None:
                 self.shown = None
                 return {**screen, "welcome": self._welcome()}
@@ -268,12 +252,15 @@ class Interview(Drawing, Closing):
                 self._background.start(self._first_question())
                 return {**screen, "stage": "practice", "question": self._drawn(shown, 0)}
         conduct = Conduct.of([*session.log])
-        caution = conduct.caution() if answered >= self._heard + _MORE_AFTER_CAUTION else None
+        caution = (
+            conduct.caution() if answered >= self._chosen.heard + _MORE_AFTER_CAUTION else None
+        )
         if conflict := self._conflict_now():
             self.shown = None
             return {**screen, "stage": "conflict", "conflict": conflict}
-        if self._stopped or (caution and self._subject.least):
+        if self._chosen.stopped or (caution and self._subject.least):
             self.shown = None
+            self._keep()
             return {**screen, "stage": "end", "end": self._end(False)}
         if offer := self._offer(conduct):
             self.shown = None
@@ -284,9 +271,8 @@ class Interview(Drawing, Closing):
             self.shown = None
             # an answer to rounded numbers could make the statements at the end untrue
             return {**screen, "stage": "end", "end": self._end(shown_now is not None)}
-        if self._put != shown_now.id:
-            session.shown(shown_now.id, shown_now.swapped, shown=shown_now.record())
-            self._put = shown_now.id
+        if self._put != shown_now.id or self._chosen != self._kept:
+            self._log_shown(shown_now)
         self.shown = shown_now
         self._needed = self._still_needed(conduct)
         self._compute_beside(shown_now)
@@ -296,17 +282,57 @@ class Interview(Drawing, Closing):
             "question": self._drawn(shown_now, len(standing) + 1),
         }
 
+    def _screen_of(self, standing: Sequence[Entry], note: str | None) -> dict[str, Any]:
+        """Return the parts of a screen that do not depend on its stage."""
+        words = self._subject.words
+        last = standing[-1].answer if standing else None
+        return {
+            "title": printable(words.title),
+            "preamble": printable(words.preamble),
+            "note_beside": printable(words.note),
+            "legend": self._legend(),
+            "stage": "welcome",
+            "answered": sum(not entry.repeat for entry in standing),
+            "open_conflicts": sum(CONTRADICTS in e.metadata and not e.used for e in standing),
+            "budget": self._chosen.budget,
+            "last": last and {"id": last.query.id, "sentence": self._sentence(standing[-1])},
+            "note": note,
+            "welcome": None,
+            "question": None,
+            "conflict": None,
+            "offer": None,
+            "end": None,
+        }
+
+    def _keep(self) -> None:
+        """Log the person's choices while no question is on the screen, with the one that waits."""
+        if self._chosen == self._kept:
+            return
+        query = self._session.question()
+        shown = None if query is None else self._shown(query)
+        if shown is not None and shown.exact:  # otherwise the end comes without a choice
+            with suppress(OSError):  # the result is shown all the same
+                self._log_shown(shown)
+
+    def _log_shown(self, shown: Shown) -> None:
+        """Log the question that is put now, and the person's choices if they changed."""
+        changed = {CHOICES: self._chosen.record()} if self._chosen != self._kept else {}
+        self._session.shown(shown.id, shown.swapped, shown=shown.record(), **changed)
+        self._put, self._kept = shown.id, replace(self._chosen)
+
     def _first_question(self) -> Iterator[None]:
         with self._lock:
             self._session.question()
         yield
 
     def _begin(self, who: str = "", budget: str = "") -> dict[str, Any]:
-        self._started, self._stopped = True, False
+        self._started, self._chosen.stopped = True, False
         begun = any(not entry.retracted for entry in self._session.log)
         if who.strip() and self._session.log.who is None and not begun:
             self._session.stamp(printable(who.strip())[:_LONGEST_NAME])
-        self._budget = int(budget) if budget.isdecimal() and 0 < int(budget) < 10_000 else None
+        self._chosen.budget = (
+            int(budget) if budget.isdecimal() and 0 < int(budget) < 10_000 else None
+        )
         return self._screen()
 
     def _practise(self, choice: str) -> dict[str, Any]:
@@ -347,7 +373,7 @@ class Interview(Drawing, Closing):
         waits = self._session.next_told()
         self._session.answer(id, verdict, ahead=self._told_ahead)
         self._started = self._practised = True
-        self._stopped = False
+        self._chosen.stopped = False
         said = self._session.log[-1]
         if not said.repeat and (waits is None or waits.id != id):
             self._forget()  # there is another asker now
@@ -359,7 +385,7 @@ class Interview(Drawing, Closing):
         if self._subject.least and isinstance(asker, Compares):
             if (check := self._order_check(asker.comparator.k)) and not answered(check):
                 return check
-            if self._other:
+            if self._chosen.other:
                 other = level_question(
                     asker.comparator, self._subject.of, answered, mixed_with="neighbours"
                 )
@@ -382,9 +408,9 @@ class Interview(Drawing, Closing):
         conduct, start = Conduct.of([*self._session.log]), self._at_start()
         needed = start is not None and not start.finished
         few = needed and conduct.with_verdict < self._subject.least
-        if (self._more or few) and (found := self._level_question(few)) is not None:
+        if (self._chosen.more or few) and (found := self._level_question(few)) is not None:
             return found
-        return self._session.confirming() if needed or self._more else None
+        return self._session.confirming() if needed or self._chosen.more else None
 
     def _still_needed(self, conduct: Conduct) -> tuple[int, int]:
         """Return how many answers, and checks besides, must come after this question."""
@@ -396,7 +422,7 @@ class Interview(Drawing, Closing):
     def _offer(self, conduct: Conduct) -> dict[str, Any] | None:
         """Return what the person is offered before the next question, or None."""
         n = conduct.answered
-        if n <= self._offered or not self._subject.least:
+        if n <= self._chosen.offered or not self._subject.least:
             return None
         stop = {"option": "finish", "label": "Finish now and show the result"}
         if conduct.offers:
@@ -410,9 +436,13 @@ class Interview(Drawing, Closing):
                     stop,
                 ],
             }
-        if self._budget is not None and n >= self._budget and self._session.question() is not None:
+        if (
+            self._chosen.budget is not None
+            and n >= self._chosen.budget
+            and self._session.question() is not None
+        ):
             return {
-                "heading": f"You planned {self._budget} questions, and answered {n}",
+                "heading": f"You planned {self._chosen.budget} questions, and answered {n}",
                 "text": "You can see the result now, or go on for a smaller uncertainty.",
                 "options": [stop, {"option": "on", "label": "Go on until it is settled"}],
             }
@@ -423,27 +453,31 @@ class Interview(Drawing, Closing):
             raise ValueError(f"option must be 'other', 'on' or 'finish', not {option[:40]!r}")
         if option == "finish":
             return self._finish()
-        self._offered = Conduct.of([*self._session.log]).answered
-        if self._budget is not None and self._offered >= self._budget:
-            self._budget = None
+        self._chosen.offered = Conduct.of([*self._session.log]).answered
+        if self._chosen.budget is not None and self._chosen.offered >= self._chosen.budget:
+            self._chosen.budget = None
         if option == "other":
-            self._other = not self._other
+            self._chosen.other = not self._chosen.other
             self._forget()
         return self._screen()
 
     def _finish(self) -> dict[str, Any]:
-        self._stopped = True
+        self._chosen.stopped = True
         return self._screen()
+
+    def _result(self) -> dict[str, Any]:
+        screen = self._screen_of([e for e in self._session.log if not e.retracted], None)
+        return {**screen, "stage": "end", "end": self._end(False)}
 
     def _go_on(self) -> dict[str, Any]:
         conduct = Conduct.of([*self._session.log])
         self._started = self._practised = True
-        self._stopped = False
+        self._chosen.stopped = False
         if conduct.caution() is not None:
-            self._heard = conduct.answered
-        self._offered = conduct.answered
+            self._chosen.heard = conduct.answered
+        self._chosen.offered = conduct.answered
         if self._session.question() is None:
-            self._more = True
+            self._chosen.more = True
         return self._screen()
 
     def _conflict_now(self) -> dict[str, Any] | None:
@@ -463,7 +497,7 @@ class Interview(Drawing, Closing):
         return self._contradiction(among)
 
     def _is_passed(self, among: Sequence[Entry]) -> bool:
-        return frozenset(entry.answer.query.id for entry in among) in self._passed
+        return self._chosen.leaves(entry.answer.query.id for entry in among)
 
     def _settle(self, id: str, choice: str) -> dict[str, Any]:
         conflict = self._conflict_now()
@@ -476,12 +510,12 @@ class Interview(Drawing, Closing):
         self._forget()
         if choice == "later":
             among = self._session.contradiction()
-            self._passed.add(frozenset(entry.answer.query.id for entry in among))
+            self._chosen.leave(entry.answer.query.id for entry in among)
             return self._screen("Nothing was changed. You find this under “Your answers”.")
         if last.repeat:
             first = standing[last.metadata[REPEATS]]
             if choice == "first" and not self._session.makes_askers:
-                self._passed.add(frozenset((first.answer.query.id, id)))
+                self._chosen.leave((first.answer.query.id, id))
                 return self._screen("Your first answer stands.")
             meant = {
                 "first": first.answer.verdict,
@@ -493,7 +527,7 @@ class Interview(Drawing, Closing):
             return self._screen("Thank you. That is what counts from now on.")
         among = self._session.contradiction()
         if not self._session.makes_askers:
-            self._passed.add(frozenset(entry.answer.query.id for entry in among))
+            self._chosen.leave(entry.answer.query.id for entry in among)
             return self._screen("This program cannot take answers back.")
         if choice == "cannot tell":
             for entry in among:
@@ -555,7 +589,7 @@ class Interview(Drawing, Closing):
                 "Nothing was taken back, because that is no longer the last answer."
             )
         self._forget()
-        self._stopped = False
+        self._chosen.stopped = False
         self._session.undo()
         return self._screen("Taken back.")
 
@@ -576,7 +610,7 @@ class Interview(Drawing, Closing):
         now = self._beside
         outlook = now.outlook if now is not None and now.shown == id else None
         if outlook is None:
-            why = [_FURTHER] if id.startswith(LEVEL) and not self._more else []
+            why = [_FURTHER] if id.startswith(LEVEL) and not self._chosen.more else []
             return {"id": id, "why": why, "to_come": None, "ready": True}
         ready = outlook.ready  # read first: whatever is there by then stays
         answers, checks = self._needed

@@ -78,7 +78,7 @@ def run(
                 Session(taught.make, kept, seed=recipe.get("seed", 0)) as session,
                 Interview(session, taught.subject) as interview,
             ):
-                say_report(interview.handle({"do": "finish"}), _WIDTH)
+                say_report(interview.handle({"do": "result"}), _WIDTH)
                 if out is not None:
                     _write(interview, out)
     except BrokenPipeError:  # which ends the command quietly

@@ -382,3 +382,61 @@ def test_downloads_are_those_of_the_screens() -> None:
         for wrong in ({"what": "log", "format": "csv"}, {"what": "scale", "format": "xml"}):
             with pytest.raises(ValueError, match="what is scale"):
                 interview.handle({"do": "download", **wrong})
+
+
+def test_what_the_person_chose_is_known_after_a_restart(tmp_path: Any) -> None:
+    told, path = taught(), tmp_path / "log.jsonl"
+    honest = truthful(np.array([0, 0.2, 0.45, 0.7, 1.0]))
+
+    def resumed(*messages: dict[str, str], steps: int = 0) -> dict[str, Any]:
+        """The screen after these messages and steps, in a new program."""
+        with (
+            Session(told.make, path, audit=0.1) as session,
+            Interview(session, told.subject) as interview,
+        ):
+            person = Person(interview, honest)
+            for message in messages:
+                person.screen = interview.handle(message)
+            for _ in range(steps):
+                person.step()
+            return person.screen
+
+    screen = resumed({"do": "start", "budget": "3"}, {"do": "practised", "choice": "a"}, steps=2)
+    assert resumed()["budget"] == 3
+    screen = resumed(steps=1)
+    while screen["stage"] != "offer":
+        screen = resumed(steps=1)
+    assert resumed() == screen
+    screen = resumed({"do": "choose", "option": "on"})
+    assert screen["stage"] == "question"
+    again = resumed()
+    assert (again["stage"], again["budget"]) == ("question", None)
+    assert again["question"] == screen["question"]
+    end = resumed({"do": "finish"})
+    assert resumed() == end
+    size = path.stat().st_size
+    assert resumed({"do": "result"}) == end
+    assert path.stat().st_size == size
+    assert resumed({"do": "more"})["stage"] == "question"
+    assert resumed()["stage"] == "question"
+    stands = {entry.answer.query.id for entry in AnswerLog.read(path) if not entry.repeat}
+    assert len(stands) == again["answered"]
+
+
+def test_the_result_is_shown_while_a_conflict_waits() -> None:
+    told, log = taught(), AnswerLog()
+    honest = truthful(np.array([0, 0.2, 0.45, 0.7, 1.0]))
+
+    def says(question: dict[str, Any]) -> str:
+        choice = honest(question)
+        return {"a": "b", "b": "a"}[choice] if question["id"].startswith(ORDER) else choice
+
+    with (
+        Session(told.make, log, audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        screen = Person(interview, says).until("conflict", MOST)
+        result = interview.handle({"do": "result"})
+        assert result["stage"] == "end"
+        assert result["end"]["counts"]["answered"] == screen["answered"]
+        assert interview.handle({"do": "state"}) == screen
