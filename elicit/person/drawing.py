@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -19,13 +20,16 @@ from elicit.person.course.conclusion import Conclusion, SessionFacts, in_unit
 from elicit.person.course.conduct import Conduct, choice_of
 from elicit.person.course.files import answer_row, as_csv, as_json
 from elicit.person.course.further import known_question, level_question
+from elicit.person.course.pace import Pace
+from elicit.person.course.prospects import Prospect
 from elicit.person.findings import asked_levels, certainty, scale_rows
 from elicit.person.report import ReportDetails, report_page
 from elicit.person.session import Session
 from elicit.person.showing import MOST_ICONS, Shown, Words, printable, show
 from elicit.tutors.answer_log import Entry
 
-_BUDGETS = ((8, "about 3 minutes"), (15, "about 5 minutes"), (30, "about 10 minutes"))
+MINUTES = (5, 10, 20)
+"""Minutes that the welcome offers."""
 
 
 def _no_more(_: Any) -> list[str]:
@@ -126,8 +130,22 @@ class Drawing:
             "purpose": printable(words.purpose),
             "before": "" if loss is None else printable(self._before(loss)),
             "least": self._subject.least,
-            "budgets": [{"questions": n, "label": label} for n, label in _BUDGETS],
+            "budgets": [
+                {"minutes": minutes, "questions": Pace.of(self._session.log).questions_in(minutes)}
+                for minutes in MINUTES
+            ],
         }
+
+    def _in_prospect(self, found: Prospect) -> str:
+        """Return a sentence on what so many questions will likely prove."""
+        words, n = self._subject.words, found.sessions
+        if found.settled == n:
+            return f"In all of {n} simulated sessions the result was settled by then."
+        said = f"In {found.settled} of {n} simulated sessions the result was settled by then."
+        if 2 * found.settled > n or math.isnan(found.loss):
+            return said
+        most = in_unit(found.loss, words.unit, self._subject.labels, words.loss)
+        return printable(f"{said} In half of them it could lose at most as much as {most}.")
 
     def _before(self, loss: float) -> str:
         """Return a sentence on what could be lost before the first answer."""

@@ -10,7 +10,8 @@ screen to be drawn now:
 ``state``
     Nothing else.
 ``start``
-    The person leaves the welcome, perhaps with ``who`` and ``budget`` (a number of questions).
+    The person leaves the welcome, perhaps with ``who``, and ``budget`` (a number of questions) or
+    ``minutes``.
 ``practised``
     The practice question was answered, with ``choice``.
 ``answer``
@@ -37,6 +38,10 @@ The other replies are:
     ``id`` of the question, for the notes beside it. The reply has ``why`` (sentences), ``to_come``
     ([least, most], the number of questions after this one, or null) and ``ready`` (true if nothing
     will be added; until then ask again).
+``prospects``
+    What each budget of the welcome will likely prove. The reply has ``budgets`` (sentences, in the
+    order of the welcome's), ``settled`` (a sentence on how long it takes until nothing is left to
+    ask, or "") and ``ready`` (as of ``outlook``). It is empty as long as nothing is known.
 ``answers``
     The reply has ``answers``, oldest first, each with ``id``, ``number``, ``sentence``,
     ``shown`` (both sides in words), ``verdict``, ``time``, ``withdrawn``, ``used`` and ``repeat``,
@@ -61,7 +66,11 @@ A screen has these fields:
 ``open_conflicts``
     Number of answers that contradict others.
 ``budget``
-    Number of questions that the person planned, or null.
+    Number of questions that the person planned, or null. If they said how many minutes they have,
+    it is the number that fits into these at their pace.
+``time``
+    ``planned`` (minutes, or null), ``spent`` (seconds, without breaks) and ``pace`` (seconds a
+    question).
 ``last``
     ``id`` and ``sentence`` of the answer that undo takes back, or null.
 ``note``
@@ -72,7 +81,7 @@ A screen has these fields:
 The welcome has ``who`` (the name of the person, if it is known already, or ""), ``before`` (a
 sentence on what could be lost without an answer, or ""), ``purpose``,
 ``compare``, ``least`` (the fewest answers before it can be finished) and ``budgets``, each with
-``questions`` and ``label``.
+``minutes`` and ``questions``.
 
 A question has ``id``, ``number``, ``heading``, ``sentences``, ``sides`` (the names of A and B),
 ``of``, ``unit``, ``levels`` (k), ``labels``, ``icons`` (true if the counts of the rows are small
@@ -113,8 +122,10 @@ from elicit.person.background import Background
 from elicit.person.course.choices import CHOICES, Choices
 from elicit.person.course.conduct import ORDER, Conduct, differs
 from elicit.person.course.further import LEVEL, level_question, order_question
+from elicit.person.course.pace import Pace
+from elicit.person.course.prospects import Prospects
 from elicit.person.course.repeats import LEAST_CHECKS
-from elicit.person.drawing import Drawing, shown_of
+from elicit.person.drawing import MINUTES, Drawing, shown_of
 from elicit.person.drawing import Subject as Subject
 from elicit.person.look_ahead import LookAhead
 from elicit.person.outlook import Outlook
@@ -176,6 +187,7 @@ class Interview(Drawing, Closing):
             session.check_regularly()
         self._background = Background()
         self._beside: _Beside | None = None
+        self._prospects: Prospects | None = None
         self._since: list[Verdict | None] = []  # verdicts since then
         self._needed = (0, 0)  # answers and checks that must still come after this question
         # whoever resumes without an answer sees the welcome, and chooses anew
@@ -194,6 +206,7 @@ class Interview(Drawing, Closing):
             "result": self._result,
             "more": self._go_on,
             "outlook": self._outlook,
+            "prospects": self._prospects_so_far,
             "answers": self._answers,
             "report": self._report,
             "download": self._download,
@@ -227,7 +240,7 @@ class Interview(Drawing, Closing):
             signature(does).bind(**parts)
         except TypeError:
             raise ValueError("the parts of this message are not those it should have") from None
-        with nullcontext() if does == self._outlook else self._lock:
+        with nullcontext() if does in (self._outlook, self._prospects_so_far) else self._lock:
             return does(**parts)
 
     def close(self) -> None:
@@ -245,6 +258,7 @@ class Interview(Drawing, Closing):
         if not standing and not self._practised and not self._chosen.stopped:
             if not self._started and session.question() is not None:
                 self.shown = None
+                self._foresee()
                 return {**screen, "welcome": self._welcome()}
             if session.question() is not None:
                 shown = practice(self._subject.labels, words, self._subject.of, self._subject.seed)
@@ -286,6 +300,7 @@ class Interview(Drawing, Closing):
         """Return the parts of a screen that do not depend on its stage."""
         words = self._subject.words
         last = standing[-1].answer if standing else None
+        pace = Pace.of(self._session.log)
         return {
             "title": printable(words.title),
             "preamble": printable(words.preamble),
@@ -294,7 +309,8 @@ class Interview(Drawing, Closing):
             "stage": "welcome",
             "answered": sum(not entry.repeat for entry in standing),
             "open_conflicts": sum(CONTRADICTS in e.metadata and not e.used for e in standing),
-            "budget": self._chosen.budget,
+            "budget": self._planned(),
+            "time": {"planned": self._chosen.minutes, "spent": pace.spent, "pace": pace.seconds},
             "last": last and {"id": last.query.id, "sentence": self._sentence(standing[-1])},
             "note": note,
             "welcome": None,
@@ -302,6 +318,41 @@ class Interview(Drawing, Closing):
             "conflict": None,
             "offer": None,
             "end": None,
+        }
+
+    def _planned(self) -> int | None:
+        """Return the number of questions that the person planned, or has time for, or None."""
+        if self._chosen.minutes is None:
+            return self._chosen.budget
+        log = self._session.log
+        return Conduct.of([*log]).answered + Pace.of(log).questions_in(self._chosen.minutes)
+
+    def _foresee(self) -> None:
+        """Start to compute what each budget will likely prove."""
+        if self._prospects is None and (twin := self._session.twin()) is not None:
+            pace = Pace.of(self._session.log)
+            numbers = [pace.questions_in(minutes) for minutes in MINUTES]
+            self._prospects = Prospects(twin, numbers, self._subject.seed, self._ends)
+            self._background.start(self._prospects.steps())
+
+    def _prospects_so_far(self) -> dict[str, Any]:
+        """Return what the budgets will likely prove, without taking the lock."""
+        now = self._prospects
+        if now is None:
+            return {"budgets": [], "settled": "", "ready": True}
+        ready, length = now.ready, now.length()
+        pace = Pace.of(self._session.log)
+        settled = ""
+        if length is not None:
+            most = max(length, self._subject.least + LEAST_CHECKS)
+            settled = (
+                f"Half of the simulated sessions took at most {most} questions, about "
+                f"{_minutes(pace.minutes_for(most))}."
+            )
+        return {
+            "budgets": [self._in_prospect(found) for found in now.found()],
+            "settled": settled,
+            "ready": ready,
         }
 
     def _keep(self) -> None:
@@ -325,14 +376,12 @@ class Interview(Drawing, Closing):
             self._session.question()
         yield
 
-    def _begin(self, who: str = "", budget: str = "") -> dict[str, Any]:
+    def _begin(self, who: str = "", budget: str = "", minutes: str = "") -> dict[str, Any]:
         self._started, self._chosen.stopped = True, False
         begun = any(not entry.retracted for entry in self._session.log)
         if who.strip() and self._session.log.who is None and not begun:
             self._session.stamp(printable(who.strip())[:_LONGEST_NAME])
-        self._chosen.budget = (
-            int(budget) if budget.isdecimal() and 0 < int(budget) < 10_000 else None
-        )
+        self._chosen.budget, self._chosen.minutes = _number(budget), _number(minutes)
         return self._screen()
 
     def _practise(self, choice: str) -> dict[str, Any]:
@@ -436,13 +485,13 @@ class Interview(Drawing, Closing):
                     stop,
                 ],
             }
-        if (
-            self._chosen.budget is not None
-            and n >= self._chosen.budget
-            and self._session.question() is not None
-        ):
+        planned, minutes = self._planned(), self._chosen.minutes
+        if planned is not None and n >= planned and self._session.question() is not None:
             return {
-                "heading": f"You planned {self._chosen.budget} questions, and answered {n}",
+                "heading": f"You planned {planned} questions, and answered {n}"
+                if minutes is None
+                else f"Your {_minutes(minutes)} {'is' if minutes == 1 else 'are'} over, and you "
+                f"answered {n} questions",
                 "text": "You can see the result now, or go on for a smaller uncertainty.",
                 "options": [stop, {"option": "on", "label": "Go on until it is settled"}],
             }
@@ -454,8 +503,9 @@ class Interview(Drawing, Closing):
         if option == "finish":
             return self._finish()
         self._chosen.offered = Conduct.of([*self._session.log]).answered
-        if self._chosen.budget is not None and self._chosen.offered >= self._chosen.budget:
-            self._chosen.budget = None
+        planned = self._planned()
+        if planned is not None and self._chosen.offered >= planned:
+            self._chosen.budget = self._chosen.minutes = None
         if option == "other":
             self._chosen.other = not self._chosen.other
             self._forget()
@@ -620,6 +670,15 @@ class Interview(Drawing, Closing):
             else [max(answers, number) + checks for number in outlook.to_come]
         )
         return {"id": id, "why": [*outlook.why], "to_come": to_come, "ready": ready}
+
+
+def _number(text: str) -> int | None:
+    """Return a planned number of questions or minutes, or None if there is none."""
+    return int(text) if text.isdecimal() and len(text) < 5 and int(text) > 0 else None
+
+
+def _minutes(n: int) -> str:
+    return "1 minute" if n == 1 else f"{n} minutes"
 
 
 def _in_whole_numbers(

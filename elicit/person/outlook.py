@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -147,18 +147,9 @@ class Outlook:
     def _all_plays(self, known: Comparator | None) -> Iterator[_Play]:
         """Return the simulated sessions that go on, and new ones with plausible tutors."""
         yield from tuple(self._plays)
-        draws = None if known is None else draws_in(known)
-        if known is None or draws is None:
-            return
-        gaps, weights, precision = draws
-        lapse, key = lapse_of(known), fold(key_of(self._seed), name_code(self._pending.id))
-        for number in range(len(self._plays), _PLAYS):
-            chance = np.random.default_rng([int(key), number])
-            one = int(chance.choice(len(weights), p=weights / weights.sum()))
-            play = _Play(
-                copy.deepcopy(self._twin),
-                _tutor(gaps[:, one], precision[one : one + 1], lapse, chance),
-            )
+        numbers = range(len(self._plays), _PLAYS)
+        for says in plausible_tutors(known, self._seed, self._pending.id, numbers):
+            play = _Play(copy.deepcopy(self._twin), says)
             self._plays.append(play)
             yield play
 
@@ -176,6 +167,32 @@ class Outlook:
         played = sorted(len(play.answers) for play in self._plays if play.over)
         if len(played) >= fewest:
             self.to_come = played[0] - self._counted, played[-2] - self._counted
+
+
+def plausible_tutors(
+    known: Comparator | None, seed: int, name: str, numbers: Iterable[int]
+) -> Iterator[Callable[[Query], Verdict]]:
+    """Return simulated tutors whose scales are plausible by a comparator.
+
+    Parameters
+    ----------
+    known : Comparator or None
+        There is no tutor if it is None, or has no draws.
+    seed : int
+    name : str
+        The purpose of the tutors, which gives other ones by the same seed.
+    numbers : iterable of int
+        The same number gives the same tutor again.
+    """
+    draws = None if known is None else draws_in(known)
+    if known is None or draws is None:
+        return
+    gaps, weights, precision = draws
+    lapse, key = lapse_of(known), fold(key_of(seed), name_code(name))
+    for number in numbers:
+        chance = np.random.default_rng([int(key), number])
+        one = int(chance.choice(len(weights), p=weights / weights.sum()))
+        yield _tutor(gaps[:, one], precision[one : one + 1], lapse, chance)
 
 
 def _tutor(

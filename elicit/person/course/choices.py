@@ -24,6 +24,8 @@ class Choices:
     ----------
     budget
         Number of questions that the person planned; None if they planned none.
+    minutes
+        Number of minutes that the person has; None if they did not say.
     offered
         Number of answers at the last offer that the person answered.
     heard
@@ -39,6 +41,7 @@ class Choices:
     """
 
     budget: int | None = None
+    minutes: int | None = None
     offered: int = 0
     heard: int = 0
     stopped: bool = False
@@ -58,10 +61,8 @@ class Choices:
         if not isinstance(kept, Mapping):
             return Choices()
         found = Choices()
-        if _is_count(kept.get("budget")) and kept["budget"] > 0:
-            found.budget = kept["budget"]
-        for name in ("offered", "heard"):
-            if _is_count(kept.get(name)):
+        for name, least in (("budget", 1), ("minutes", 1), ("offered", 0), ("heard", 0)):
+            if type(kept.get(name)) is int and kept[name] >= least:
                 setattr(found, name, kept[name])
         for name in ("stopped", "more", "other"):
             setattr(found, name, kept.get(name) is True)
@@ -85,7 +86,3 @@ class Choices:
     def leaves(self, ids: Iterable[str]) -> bool:
         """Return whether a conflict among the answers of these ids was left as it is."""
         return tuple(sorted(ids)) in self.passed
-
-
-def _is_count(value: Any) -> bool:
-    return type(value) is int and value >= 0

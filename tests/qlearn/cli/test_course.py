@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import random
 import re
+import time
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
-from elicit import AnswerLog, Interview, Session
+from elicit import AnswerLog, Bags, Interview, Session
 from elicit.person.course.conduct import ORDER
-from qlearn import policy_loss, random_mdp
+from elicit.person.course.prospects import Prospects
+from qlearn import expected_bounds, policy_loss, random_mdp
 from qlearn.cli.teach_subjects import Taught, taught_by
 from tests.thoroughness import quick_first, scaled
 
@@ -421,6 +423,71 @@ def test_what_the_person_chose_is_known_after_a_restart(tmp_path: Any) -> None:
     assert resumed()["stage"] == "question"
     stands = {entry.answer.query.id for entry in AnswerLog.read(path) if not entry.repeat}
     assert len(stands) == again["answered"]
+
+
+def test_minutes_are_counted_in_questions_at_the_persons_own_pace() -> None:
+    told, log = taught(), AnswerLog()
+    honest = truthful(np.array([0, 0.2, 0.45, 0.7, 1.0]))
+    with (
+        Session(told.make, log, audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        budgets = interview.handle({"do": "state"})["welcome"]["budgets"]
+        assert budgets[0] == {"minutes": 5, "questions": 15}
+        screen = interview.handle({"do": "start", "minutes": "1"})
+        assert (screen["budget"], screen["time"]["planned"]) == (3, 1)
+        person = Person(interview, honest)
+        person.until("question")
+        said = log.append
+
+        def slowly(answer: Any, used: bool = True, **metadata: Any) -> None:
+            said(answer, used, **{**metadata, "latency": 25.0})
+
+        log.append = slowly  # type: ignore[method-assign]
+        screen = person.until("offer", MOST)
+        assert person.stages.count("question") == 2  # 50 of 60 seconds are spent
+        assert screen["offer"]["heading"].startswith("Your 1 minute is over, and you answered ")
+        person.step()
+        assert person.screen["budget"] is None
+        person.step()
+        assert person.screen["time"] == {"planned": None, "spent": 75.0, "pace": 25.0}
+        assert person.until("end", MOST)["end"]["settled"]
+
+
+def test_the_welcome_says_what_each_budget_will_likely_prove() -> None:
+    told = taught()
+    with (
+        Session(told.make, AnswerLog(), audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        interview.handle({"do": "state"})
+        until = time.monotonic() + 100
+        while not (found := interview.handle({"do": "prospects"}))["ready"]:
+            assert time.monotonic() < until
+            time.sleep(0.05)
+        assert len(found["budgets"]) == 3
+        assert all("simulated sessions the result was settled" in said for said in found["budgets"])
+        assert re.fullmatch(
+            r"Half of the simulated sessions took at most \d+ questions, about \d+ minutes?\.",
+            found["settled"],
+        )
+
+
+def test_prospects_agree_with_expected_bounds() -> None:
+    told = taught(tolerance=0.001)
+    with Session(told.make, AnswerLog()) as session:
+        asker = session.current_asker()
+        found = Prospects(asker, [7, 9, 40], 0, lambda _: False)
+        for _ in found.steps():
+            pass
+    few, more, all_ = found.found()
+    assert few.settled <= more.settled <= all_.settled
+    assert few.loss >= more.loss >= all_.loss
+    for prospect, questions in ((few, 3), (more, 5)):  # besides the checks
+        bounds = expected_bounds(
+            MDP, asker.comparator, questions, runs=12, seed=1, tolerance=0.001, bags=Bags(days=10)
+        )
+        assert bounds.least <= prospect.loss <= bounds.most
 
 
 def test_the_result_is_shown_while_a_conflict_waits() -> None:

@@ -16,6 +16,7 @@ COUNTS = st.integers(0, 10_000)
 CHOSEN = st.builds(
     Choices,
     budget=st.none() | st.integers(1, 9999),
+    minutes=st.none() | st.integers(1, 9999),
     offered=COUNTS,
     heard=COUNTS,
     stopped=st.booleans(),
