@@ -18,6 +18,7 @@ from elicit.model.query import Query, Verdict
 from elicit.person.asker import Compares
 from elicit.person.course.conclusion import Conclusion, SessionFacts, in_unit
 from elicit.person.course.conduct import Conduct, choice_of
+from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
 from elicit.person.course.further import known_question, level_question
 from elicit.person.course.pace import Pace
@@ -403,6 +404,7 @@ class Drawing:
             "next": printable(after),
             "before": printable(found.before),
             "caution": caution,
+            "remarks": self._remarks() if subject.least else [],
             "settled": found.settled and caution is None and over,
             "more": left,
             "finished": over,
@@ -434,6 +436,11 @@ class Drawing:
             },
             "conflicts": self._conflicts(),
         }
+
+    def _remarks(self) -> list[str]:
+        """Return sentences on answers that came very fast, and on drift, as far as there were."""
+        log = [*self._session.log]
+        return [said for said in (Pace.of(log).remark(), Drift.of(log).remark()) if said]
 
     def _limits(self) -> list[str]:
         note = self._subject.words.note

@@ -94,15 +94,16 @@ and ``label``. An offer has ``heading``, ``text`` and ``options``, each with ``o
 ``label``.
 
 The end has ``headline``, ``sure``, ``next``, ``before`` (texts), ``caution`` (a sentence on why the
-answers say little, or null), ``settled``, ``finished`` (false if a question waits), ``more`` (true
-if something is left to ask), ``open`` (the reason why there is no question though more could be
-asked, or null), ``scale`` (rows, best level first: ``label``, ``value``, ``low``, ``high``, from 0
-to 100, and ``asked``, false for a level that no answer is about), ``certainty`` (of the intervals),
-``statements``, ``changes`` (``title``, ``note``, ``columns``, ``rows``, or null), ``downloads``,
-``facts`` (pairs), ``limits``, ``counts`` and ``conflicts`` (lists of ``id``, ``number`` and
-``sentence``). ``counts`` has ``answered``, with ``equal``, ``cannot tell`` and ``unused`` among
-them; ``withdrawn``; and ``repeated``, the questions that were put again, which nothing else counts,
-with ``alike`` of them answered as before.
+answers say little, or null), ``remarks`` (sentences on answers that came very fast, and on repeats
+that differ more often in one half of the session), ``settled``, ``finished`` (false if a question
+waits), ``more`` (true if something is left to ask), ``open`` (the reason why there is no question
+though more could be asked, or null), ``scale`` (rows, best level first: ``label``, ``value``,
+``low``, ``high``, from 0 to 100, and ``asked``, false for a level that no answer is about),
+``certainty`` (of the intervals), ``statements``, ``changes`` (``title``, ``note``, ``columns``,
+``rows``, or null), ``downloads``, ``facts`` (pairs), ``limits``, ``counts`` and ``conflicts``
+(lists of ``id``, ``number`` and ``sentence``). ``counts`` has ``answered``, with ``equal``,
+``cannot tell`` and ``unused`` among them; ``withdrawn``; and ``repeated``, the questions that were
+put again, which nothing else counts, with ``alike`` of them answered as before.
 """
 
 from __future__ import annotations
@@ -122,7 +123,7 @@ from elicit.person.background import Background
 from elicit.person.course.choices import CHOICES, Choices
 from elicit.person.course.conduct import ORDER, Conduct, differs
 from elicit.person.course.further import LEVEL, level_question, order_question
-from elicit.person.course.pace import Pace
+from elicit.person.course.pace import FEW_HASTY, Pace
 from elicit.person.course.prospects import Prospects
 from elicit.person.course.repeats import LEAST_CHECKS
 from elicit.person.drawing import MINUTES, Drawing, shown_of
@@ -426,7 +427,15 @@ class Interview(Drawing, Closing):
         said = self._session.log[-1]
         if not said.repeat and (waits is None or waits.id != id):
             self._forget()  # there is another asker now
-        return self._screen()
+        return self._screen(self._about_haste())
+
+    def _about_haste(self) -> str | None:
+        """Return a remark on the first few answers that came very fast, once in a session."""
+        few = Pace.of(self._session.log).hasty < FEW_HASTY
+        if few or self._chosen.slowed or not self._subject.least:
+            return None
+        self._chosen.slowed = True
+        return "Some answers came in under a second. There is no hurry: take the time you need."
 
     def _instead(self, query: Query, answered: Callable[[Query], bool]) -> Query | None:
         """Return the query in place of the asker's: a check, another kind, or whole numbers."""

@@ -36,6 +36,8 @@ class Choices:
         True if they want more questions than needed.
     other
         True if they want another kind of question.
+    slowed
+        True if they were told that some answers came very fast.
     passed
         Conflicts that are left as they are, each as the sorted ids of its answers.
     """
@@ -47,6 +49,7 @@ class Choices:
     stopped: bool = False
     more: bool = False
     other: bool = False
+    slowed: bool = False
     passed: tuple[tuple[str, ...], ...] = ()
 
     @staticmethod
@@ -64,7 +67,7 @@ class Choices:
         for name, least in (("budget", 1), ("minutes", 1), ("offered", 0), ("heard", 0)):
             if type(kept.get(name)) is int and kept[name] >= least:
                 setattr(found, name, kept[name])
-        for name in ("stopped", "more", "other"):
+        for name in ("stopped", "more", "other", "slowed"):
             setattr(found, name, kept.get(name) is True)
         passed = kept.get("passed")
         if isinstance(passed, list):

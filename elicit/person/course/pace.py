@@ -12,6 +12,9 @@ SECONDS = 20.0
 """Seconds that a question is taken to last until the person's own pace is known."""
 HASTY = 1.0
 """Seconds in which hardly anyone reads a question."""
+FEW_HASTY = 3
+"""Answers in under a second that are worth a remark."""
+_HASTY_SHARE = 0.2  # share of them that is worth a remark at the end
 _KNOWN_AFTER = 3  # answers
 _BREAK = 300.0  # seconds: whoever takes longer was away, and the rest does not count
 
@@ -48,6 +51,15 @@ class Pace:
             spent=sum(one if one <= _BREAK else own for one in took),
             hasty=sum(one < HASTY for one in took),
             timed=len(took),
+        )
+
+    def remark(self) -> str | None:
+        """Return a sentence on answers that came very fast, or None if they were few."""
+        if self.hasty < FEW_HASTY or self.hasty < _HASTY_SHARE * self.timed:
+            return None
+        return (
+            f"{self.hasty} of {self.timed} answers came in under a second, which is hardly enough "
+            "to read a question."
         )
 
     def questions_in(self, minutes: int) -> int:

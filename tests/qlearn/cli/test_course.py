@@ -231,7 +231,7 @@ def test_another_answer_to_the_same_question_is_brought_up_at_once_and_learned()
             told_other = {"do": "answer", "id": question["id"], "choice": other}
             person.screen = interview.handle(told_other)
             assert person.screen["stage"] == "conflict"
-            assert interview.handle({"do": "state"}) == person.screen
+            assert interview.handle({"do": "state"}) == {**person.screen, "note": None}
             assert [one["name"] for one in person.screen["conflict"]["answers"]] == [
                 "Before",
                 "Now",
@@ -294,7 +294,7 @@ def test_after_three_cannot_tell_there_is_an_offer_and_another_kind_of_question(
             "finish",
         ]
         assert person.stages.count("question") == 3
-        assert interview.handle({"do": "state"}) == screen
+        assert interview.handle({"do": "state"}) == {**screen, "note": None}
         person.step()
         assert person.screen["question"]["id"].startswith("level/")
         end = interview.handle({"do": "finish"})["end"]
@@ -408,7 +408,7 @@ def test_what_the_person_chose_is_known_after_a_restart(tmp_path: Any) -> None:
     screen = resumed(steps=1)
     while screen["stage"] != "offer":
         screen = resumed(steps=1)
-    assert resumed() == screen
+    assert resumed() == {**screen, "note": None}
     screen = resumed({"do": "choose", "option": "on"})
     assert screen["stage"] == "question"
     again = resumed()
@@ -452,6 +452,26 @@ def test_minutes_are_counted_in_questions_at_the_persons_own_pace() -> None:
         person.step()
         assert person.screen["time"] == {"planned": None, "spent": 75.0, "pace": 25.0}
         assert person.until("end", MOST)["end"]["settled"]
+
+
+def test_fast_answers_are_said_once_and_at_the_end() -> None:
+    told = taught()
+    with (
+        Session(told.make, AnswerLog(), audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        person = Person(interview, truthful(np.array([0, 0.2, 0.45, 0.7, 1.0])))
+        notes = []
+        while person.screen["stage"] != "end":
+            person.step()  # at once
+            notes.append(person.screen["note"])
+        assert sum("under a second" in str(note) for note in notes) == 1
+        end = person.screen["end"]
+        assert end["settled"]  # a remark, no verdict
+        assert [said.split(" came ")[1] for said in end["remarks"]] == [
+            "in under a second, which is hardly enough to read a question."
+        ]
+        assert end["remarks"][0] in interview.handle({"do": "report"})["html"]
 
 
 def test_the_welcome_says_what_each_budget_will_likely_prove() -> None:
@@ -506,4 +526,4 @@ def test_the_result_is_shown_while_a_conflict_waits() -> None:
         result = interview.handle({"do": "result"})
         assert result["stage"] == "end"
         assert result["end"]["counts"]["answered"] == screen["answered"]
-        assert interview.handle({"do": "state"}) == screen
+        assert interview.handle({"do": "state"}) == {**screen, "note": None}

@@ -423,7 +423,7 @@ export function mount(root, send, options = {}) {
   }
 
   function end() {
-    const { open, scale, certainty, statements, counts, conflicts, changes, caution, settled, more } = screen.end;
+    const { open, scale, certainty, statements, counts, conflicts, changes, caution, remarks, settled, more } = screen.end;
     const among = [
       [counts.equal, "equally good"], [counts["cannot tell"], "cannot tell"],
       [counts.unused, "ignored because they contradict others"], [counts.withdrawn, "more taken back"],
@@ -432,7 +432,7 @@ export function mount(root, send, options = {}) {
     const said = `${counts.answered} ${counts.answered === 1 ? "answer" : "answers"}`;
     const given = some.length ? `${said} (${some.join(", ")}).` : `${said}.`;
     const top = [part("p", settled ? "status good" : "status", {}, [settled ? "✓ Settled" : "Not settled"])];
-    if (caution) top.push(part("p", "caution", {}, [caution]));
+    for (const said of [caution, ...remarks].filter(Boolean)) top.push(part("p", "caution", {}, [said]));
     const facts = [
       ["How sure", screen.end.sure], ["Before", screen.end.before], ["Next", screen.end.next], ["You gave", given],
       ["Checks", checks(counts)],

@@ -22,6 +22,7 @@ CHOSEN = st.builds(
     stopped=st.booleans(),
     more=st.booleans(),
     other=st.booleans(),
+    slowed=st.booleans(),
     passed=st.lists(st.lists(st.text(max_size=4)).map(tuple), max_size=3).map(tuple),
 )
 

@@ -40,6 +40,12 @@ def test_an_answer_that_was_taken_back_does_not_count() -> None:
     assert Pace.of(log) == Pace(10.0, 50.0, 0, 3)
 
 
+def test_many_fast_answers_are_said_and_few_are_not() -> None:
+    assert Pace.of(log_of(0.5, 0.5, 9.0)).remark() is None
+    assert str(Pace.of(log_of(0.5, 0.5, 0.5, 9.0)).remark()).startswith("3 of 4 answers came in")
+    assert Pace.of(log_of(*[0.5] * 3, *[9.0] * 13)).remark() is None
+
+
 def test_questions_that_fit_into_the_time_that_is_left() -> None:
     assert Pace().questions_in(5) == 15
     assert Pace(seconds=10.0, spent=250.0).questions_in(5) == 5
