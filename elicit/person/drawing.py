@@ -15,7 +15,7 @@ from elicit._support.distribution import version
 from elicit.model.difference import tail_sums
 from elicit.model.pairs import same_pairs
 from elicit.model.query import Query, Verdict
-from elicit.person.asker import Compares
+from elicit.person.asker import Compares, Supposed
 from elicit.person.course.conclusion import Conclusion, SessionFacts, in_unit
 from elicit.person.course.conduct import Conduct, choice_of
 from elicit.person.course.drift import Drift
@@ -237,6 +237,16 @@ class Drawing:
             "answers": shown,
             "choices": choices,
         }
+
+    def _left_by(self, after: Supposed) -> str:
+        """Return in a few words what a choice in a conflict would leave."""
+        kept = f"Keeps {after.used} of {after.of} answers"
+        loss = getattr(after.asker.result(), "loss_bound", None)
+        if not isinstance(loss, float) or math.isnan(loss):
+            return f"{kept}."
+        words = self._subject.words
+        most = in_unit(loss, words.unit, self._subject.labels, words.loss)
+        return printable(f"{kept}. The result could then lose as much as {most}.")
 
     def _as_shown(self, entry: Entry, name: str) -> dict[str, Any]:
         shown = self._as_put(entry)

@@ -42,6 +42,9 @@ The other replies are:
     What each budget of the welcome will likely prove. The reply has ``budgets`` (sentences, in the
     order of the welcome's), ``settled`` (a sentence on how long it takes until nothing is left to
     ask, or "") and ``ready`` (as of ``outlook``). It is empty as long as nothing is known.
+``consequences``
+    ``id`` of a conflict. The reply has ``choices`` (for each choice of it a sentence on what would
+    be left, as far as computed) and ``ready`` (as of ``outlook``).
 ``answers``
     The reply has ``answers``, oldest first, each with ``id``, ``number``, ``sentence``,
     ``shown`` (both sides in words), ``verdict``, ``time``, ``withdrawn``, ``used`` and ``repeat``,
@@ -118,10 +121,11 @@ from typing import Any
 
 from elicit._support.closing import Closing
 from elicit.model.query import Answer, Query, Verdict
-from elicit.person.asker import AfterAnswer, Asker, Compares
+from elicit.person.asker import AfterAnswer, Asker, Compares, Supposed
 from elicit.person.background import Background
 from elicit.person.course.choices import CHOICES, Choices
 from elicit.person.course.conduct import ORDER, Conduct, differs
+from elicit.person.course.consequences import Consequences
 from elicit.person.course.further import LEVEL, level_question, order_question
 from elicit.person.course.pace import FEW_HASTY, Pace
 from elicit.person.course.prospects import Prospects
@@ -189,6 +193,7 @@ class Interview(Drawing, Closing):
         self._background = Background()
         self._beside: _Beside | None = None
         self._prospects: Prospects | None = None
+        self._weighed: Consequences | None = None
         self._since: list[Verdict | None] = []  # verdicts since then
         self._needed = (0, 0)  # answers and checks that must still come after this question
         # whoever resumes without an answer sees the welcome, and chooses anew
@@ -208,10 +213,16 @@ class Interview(Drawing, Closing):
             "more": self._go_on,
             "outlook": self._outlook,
             "prospects": self._prospects_so_far,
+            "consequences": self._consequences,
             "answers": self._answers,
             "report": self._report,
             "download": self._download,
         }
+
+    @property
+    def _unlocked(self) -> tuple[Callable[..., dict[str, Any]], ...]:
+        """What only reads what a thread computes: nobody waits for it, nor it for anybody."""
+        return self._outlook, self._prospects_so_far, self._consequences
 
     def handle(self, message: Mapping[str, Any]) -> dict[str, Any]:
         """Return the reply to a message.
@@ -241,7 +252,7 @@ class Interview(Drawing, Closing):
             signature(does).bind(**parts)
         except TypeError:
             raise ValueError("the parts of this message are not those it should have") from None
-        with nullcontext() if does in (self._outlook, self._prospects_so_far) else self._lock:
+        with nullcontext() if does in self._unlocked else self._lock:
             return does(**parts)
 
     def close(self) -> None:
@@ -272,6 +283,7 @@ class Interview(Drawing, Closing):
         )
         if conflict := self._conflict_now():
             self.shown = None
+            self._weigh(conflict)
             return {**screen, "stage": "conflict", "conflict": conflict}
         if self._chosen.stopped or (caution and self._subject.least):
             self.shown = None
@@ -595,6 +607,41 @@ class Interview(Drawing, Closing):
         self._session.withdraw(choice.removeprefix("withdraw:"))
         return self._screen("Thank you. The other answers stay.")
 
+    def _weigh(self, conflict: Mapping[str, Any]) -> None:
+        """Start to compute what each choice in a conflict would leave."""
+        session, id = self._session, str(conflict["id"])
+        if not session.makes_askers or (self._weighed and self._weighed.id == id):
+            return
+        last = next(e for e in reversed(session.log) if e.answer.query.id == id)
+        choices = [str(one["choice"]) for one in conflict["choices"]]
+        suppose: dict[str, Callable[[], Supposed]] = {}
+        if last.repeat:
+            first = str(last.metadata[REPEATS])
+            meant = {"second": last.answer.verdict, "equal": Verdict.EQUAL, "cannot tell": None}
+            suppose = {
+                choice: session.supposing([first], [replace(last.answer, verdict=meant[choice])])
+                if choice in meant
+                else session.supposing([])
+                for choice in choices
+            }
+        else:
+            among = [entry.answer.query.id for entry in session.contradiction()]
+            without = {"cannot tell": among, "later": []}
+            suppose = {
+                choice: session.supposing(without.get(choice, [choice.removeprefix("withdraw:")]))
+                for choice in choices
+            }
+        self._weighed = Consequences(id, suppose, self._left_by)
+        self._background.start(self._weighed.steps())
+
+    def _consequences(self, id: str) -> dict[str, Any]:
+        """Return what the choices of a conflict would leave, without taking the lock."""
+        now = self._weighed
+        if now is None or now.id != id:
+            return {"id": id, "choices": {}, "ready": True}
+        ready = now.ready  # read first: whatever is there by then stays
+        return {"id": id, "choices": now.found(), "ready": ready}
+
     def _compute_beside(self, shown: Shown) -> None:
         """Start the computations beside a question, which is on the screen now."""
         session, subject, now = self._session, self._subject, self._beside
@@ -637,7 +684,7 @@ class Interview(Drawing, Closing):
 
     def _forget(self) -> None:
         """Discard what was shown and computed."""
-        self._put = self._beside = None
+        self._put = self._beside = self._weighed = None
         self._since = []
         self._background.stop()
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from elicit import AnswerLog, Bags, Interview, Session
+from elicit.person.course.conclusion import per_hundred
 from elicit.person.course.conduct import ORDER
 from elicit.person.course.prospects import Prospects
 from qlearn import expected_bounds, policy_loss, random_mdp
@@ -508,6 +509,42 @@ def test_prospects_agree_with_expected_bounds() -> None:
             MDP, asker.comparator, questions, runs=12, seed=1, tolerance=0.001, bags=Bags(days=10)
         )
         assert bounds.least <= prospect.loss <= bounds.most
+
+
+@pytest.mark.parametrize("choice", range(4))
+def test_each_choice_of_a_conflict_says_what_it_leaves(choice: int) -> None:
+    told, log = taught(), AnswerLog()
+    honest = truthful(np.array([0, 0.2, 0.45, 0.7, 1.0]))
+    with (
+        Session(told.make, log, audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        person = Person(interview, honest)
+        while person.screen["stage"] != "question" or not session.is_repeat(
+            person.screen["question"]["id"]
+        ):
+            person.step()
+        question = person.screen["question"]
+        other = {"a": "b", "b": "a"}[honest(question)]
+        screen = interview.handle({"do": "answer", "id": question["id"], "choice": other})
+        conflict, size = screen["conflict"], len(log)
+        ask = {"do": "consequences", "id": conflict["id"]}
+        until = time.monotonic() + 60
+        while not (left := interview.handle(ask))["ready"]:
+            assert time.monotonic() < until
+            time.sleep(0.02)
+        assert len(log) == size  # nothing was changed
+        choices = [one["choice"] for one in conflict["choices"]]
+        assert [*left["choices"]] == choices == ["first", "second", "equal", "cannot tell"]
+        n = sum(not e.retracted and not e.repeat for e in log)
+        said = left["choices"][choices[choice]]
+        interview.handle({"do": "settle", "id": conflict["id"], "choice": choices[choice]})
+        used = sum(e.used and e.answer.verdict is not None for e in log)
+        most = per_hundred(session.result().loss_bound)
+        assert said.startswith(
+            f"Keeps {used} of {n} answers. The result could then lose as much as {most} "
+        )
+        assert not interview.handle(ask)["choices"]
 
 
 def test_the_result_is_shown_while_a_conflict_waits() -> None:

@@ -179,6 +179,9 @@ export function mount(root, send, options = {}) {
     untouched = setTimeout(() => enable(true), UNTOUCHED);
     beside = null;
     if (view === "stage" && screen.stage === "question") follow({ do: "outlook", id: screen.question.id }, drawBeside);
+    if (view === "stage" && screen.stage === "conflict") {
+      follow({ do: "consequences", id: screen.conflict.id }, drawConsequences);
+    }
     if (view === "stage" && screen.stage === "welcome") follow({ do: "prospects" }, drawProspects);
     // a screen reader reads the new heading; what is only opened does not take the place of what else is there
     if (moved && drawn) {
@@ -380,7 +383,9 @@ export function mount(root, send, options = {}) {
         show({ do: "settle", id, choice }, "Your choice has not been saved yet."),
       );
       made.dataset.keep = choice;
-      return made;
+      const left = part("span", "soft small left", { id: `elicit-left-${i}` });
+      made.setAttribute("aria-describedby", left.id);
+      return part("div", "option", {}, [made, left]);
     });
     const grid = part("div", said.length === 1 ? "" : "columns even", {}, cards);
     const parts = [part("p", "soft", {}, [text]), grid, part("div", "mid options", {}, buttons)];
@@ -411,6 +416,11 @@ export function mount(root, send, options = {}) {
     const said = beside.why.length || beside.ready ? beside.why : ["Still being worked out ..."];
     const lines = said.length ? said : ["Its answer tells most about what is still open."];
     why?.append(...lines.map((line) => part("p", "", {}, [line])));
+  }
+
+  // What came in beside a conflict: what each choice would leave.
+  function drawConsequences({ choices }) {
+    for (const one of body.querySelectorAll("[data-keep]")) say(one.nextSibling, choices[one.dataset.keep] ?? "");
   }
 
   // What came in beside the welcome: what each budget will likely prove.
