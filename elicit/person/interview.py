@@ -193,6 +193,7 @@ class Interview(Drawing, Closing):
         self._background = Background()
         self._beside: _Beside | None = None
         self._prospects: Prospects | None = None
+        self._pace = Pace()  # then: whoever does not hold the lock may not read the log
         self._weighed: Consequences | None = None
         self._since: list[Verdict | None] = []  # verdicts since then
         self._needed = (0, 0)  # answers and checks that must still come after this question
@@ -343,7 +344,7 @@ class Interview(Drawing, Closing):
     def _foresee(self) -> None:
         """Start to compute what each budget will likely prove."""
         if self._prospects is None and (twin := self._session.twin()) is not None:
-            pace = Pace.of(self._session.log)
+            self._pace = pace = Pace.of(self._session.log)
             numbers = [pace.questions_in(minutes) for minutes in MINUTES]
             self._prospects = Prospects(twin, numbers, self._subject.seed, self._ends)
             self._background.start(self._prospects.steps())
@@ -354,13 +355,12 @@ class Interview(Drawing, Closing):
         if now is None:
             return {"budgets": [], "settled": "", "ready": True}
         ready, length = now.ready, now.length()
-        pace = Pace.of(self._session.log)
         settled = ""
         if length is not None:
             most = max(length, self._subject.least + LEAST_CHECKS)
             settled = (
                 f"Half of the simulated sessions took at most {most} questions, about "
-                f"{_minutes(pace.minutes_for(most))}."
+                f"{_minutes(self._pace.minutes_for(most))}."
             )
         return {
             "budgets": [self._in_prospect(found) for found in now.found()],
