@@ -22,8 +22,8 @@ from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
 from elicit.person.course.further import known_question, level_question
 from elicit.person.course.pace import Pace
-from elicit.person.course.prospects import Prospect
 from elicit.person.findings import asked_levels, certainty, scale_rows
+from elicit.person.outlook import Prospect
 from elicit.person.report import ReportDetails, report_page
 from elicit.person.session import Session
 from elicit.person.showing import MOST_ICONS, Shown, Words, printable, show

@@ -128,12 +128,11 @@ from elicit.person.course.conduct import ORDER, Conduct, differs
 from elicit.person.course.consequences import Consequences
 from elicit.person.course.further import LEVEL, level_question, order_question
 from elicit.person.course.pace import FEW_HASTY, Pace
-from elicit.person.course.prospects import Prospects
 from elicit.person.course.repeats import LEAST_CHECKS
 from elicit.person.drawing import MINUTES, Drawing, shown_of
 from elicit.person.drawing import Subject as Subject
 from elicit.person.look_ahead import LookAhead
-from elicit.person.outlook import Outlook
+from elicit.person.outlook import Outlook, Prospects
 from elicit.person.session import Session
 from elicit.person.showing import (
     Shown,
@@ -194,7 +193,7 @@ class Interview(Drawing, Closing):
         self._beside: _Beside | None = None
         self._prospects: Prospects | None = None
         self._pace = Pace()  # then: whoever does not hold the lock may not read the log
-        self._weighed: Consequences | None = None
+        self._weighed: Consequences[Supposed] | None = None
         self._since: list[Verdict | None] = []  # verdicts since then
         self._needed = (0, 0)  # answers and checks that must still come after this question
         # whoever resumes without an answer sees the welcome, and chooses anew

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
+from typing import Generic, TypeVar
 
-from elicit.person.asker import Supposed
+T = TypeVar("T")
 
 
-class Consequences:
+class Consequences(Generic[T]):
     """What each choice in a conflict would leave. One thread computes it while others read.
 
     Parameters
@@ -16,7 +17,7 @@ class Consequences:
     id : str
         Of the conflict.
     suppose : mapping
-        For each choice, a function that returns the asker after it.
+        For each choice, a function that returns what would stand after it.
     sentence : callable
         Returns what that means, in a few words.
     """
@@ -24,8 +25,8 @@ class Consequences:
     def __init__(
         self,
         id: str,
-        suppose: Mapping[str, Callable[[], Supposed]],
-        sentence: Callable[[Supposed], str],
+        suppose: Mapping[str, Callable[[], T]],
+        sentence: Callable[[T], str],
     ) -> None:
         self.id = id
         self._suppose, self._sentence = dict(suppose), sentence

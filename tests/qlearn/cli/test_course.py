@@ -14,7 +14,7 @@ import pytest
 from elicit import AnswerLog, Bags, Interview, Session
 from elicit.person.course.conclusion import per_hundred
 from elicit.person.course.conduct import ORDER
-from elicit.person.course.prospects import Prospects
+from elicit.person.outlook import Prospects
 from qlearn import expected_bounds, policy_loss, random_mdp
 from qlearn.cli.teach_subjects import Taught, taught_by
 from tests.thoroughness import quick_first, scaled
