@@ -353,7 +353,8 @@ class Interview(Drawing, Closing):
         now = self._prospects
         if now is None:
             return {"budgets": [], "settled": "", "ready": True}
-        ready, length = now.ready, now.length()
+        # once somebody has started, the computation is given up
+        ready, length = now.ready or self._started, now.length()
         settled = ""
         if length is not None:
             most = max(length, self._subject.least + LEAST_CHECKS)

@@ -325,6 +325,7 @@ def test_nothing_is_lost_when_the_program_stops(windows: Windows) -> None:
         banner.get_by_text("was restarted").wait_for()
         again = windows.open(server)  # which is let in, and with it the whole browser
         at(again, "Welcome")
+        again.close()  # it asks for prospects, also when the program has stopped
         name(page, "Try again").click()
         at(page, "Question 2")
         assert not banner.count()
