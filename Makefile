@@ -45,6 +45,7 @@ docs: $(READY)  ## the site in build/docs, without a warning
 evidence: $(READY)  ## every page and figure of results that is of older code, page by page: hours, and the same command goes on
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[peers]'
 	$(BIN)/python docs/pictures/draw.py
+	$(BIN)/python -m benchmarks.quotes
 	$(BIN)/python -m benchmarks.evidence --all
 
 bench: $(READY)  ## what learning, comparisons and fits cost, against other libraries (most of an hour): benchmarks/RESULTS*.md, docs/exploration.md

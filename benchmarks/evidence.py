@@ -115,6 +115,7 @@ PAGES = (  # a notebook after the tables that it reads
     Page("docs/about-equal.md", "benchmarks.asking.about_equal --out docs/about-equal.md", 20),
     results("RESULTS-headroom", "asking.headroom", 3),
     results("RESULTS-loss", "asking.loss_by_questions", 10),
+    results("RESULTS-contest", "contest.redraw", 0.5),
     results("RESULTS-cuts", "asking.cuts_and_pairs --journal results/cuts.jsonl", 15),
     results(
         "RESULTS-families", "comparing.families_and_rules --journal results/families.jsonl", 15

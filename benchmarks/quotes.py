@@ -1,14 +1,19 @@
-"""Figures that a page of prose quotes from a page of results: copied by this program, never by
-hand.
+"""Numbers in prose: tables and sentences that pages of prose take from pages of results.
 
-    python -m benchmarks.quotes            writes them anew in all pages
+    python -m benchmarks.quotes            renews them in all pages
 
-In prose, `<!-- assumptions.md: m = 100: % of all -->+0.9 ± 1.1<!-- -->` is the cell of the line "m
-= 100" in the column "% of all" of the tables in docs/assumptions.md; the comments are not seen
-where the page is read. A line is named by its first cell, or by as many of its first cells as it
-takes, with commas: "2, box, 10%, % asked of open". Where several tables have the line,
-`RESULTS.md#10,000 states` is what stands under the heading that is or begins so; a heading with a
-colon is put in quotation marks.
+A page of prose has two lines of comment, `<!-- begin NAME -->` and `<!-- end NAME -->`. Between
+them stands the text of benchmarks/blocks/NAME.md, in which each reference to a cell has become the
+cell. So text is edited there, and no number is copied by hand.
+
+In such a text `{{docs/assumptions.md: m = 100: % of all}}` is the cell of the line "m = 100" in the
+column "% of all" of the tables in docs/assumptions.md. A line is named by its first cell, or by as
+many of its first cells as it takes, with commas: "2, box, 10%, % asked of open". Where several
+tables have the line, `benchmarks/RESULTS.md#10,000 states` is the part under the heading that is or
+begins so; a heading with a colon is put in quotation marks. `~1` after the column rounds the number
+to one decimal, without its interval. The line `all lines` stands for the whole table, with the
+columns that are named. `{{qlearn log merge --help}}` is a table of the options of a command, made
+from its parser.
 """
 
 from __future__ import annotations
@@ -21,38 +26,101 @@ from pathlib import Path
 from benchmarks.reporting import markdown
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGES = (
-    ROOT / "README.md",
-    *(
-        ROOT / "docs" / f"{name}.md"
-        for name in ("before-you-ask", "choosing", "evidence", "families", "options", "paper")
-    ),
-)
+BLOCKS = ROOT / "benchmarks" / "blocks"
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 ALL = "all lines"
-QUOTE = re.compile(
-    r'<!-- (\S+?\.md)(#"[^"]+"|#[^:]+)?: (.+?): ([^:]+?) -->(.*?)<!-- -->', re.DOTALL
+BLOCK = re.compile(r"^<!-- begin (\S+) -->\n(.*?)^<!-- end \1 -->$", re.DOTALL | re.MULTILINE)
+REFERENCE = re.compile(
+    r'\{\{(\S+?\.md)(#"[^"]+"|#[^:{}]+)?: ([^{}]+?): ([^:{}~]+?)(?: ~(\d))?\}\}', re.DOTALL
 )
+COMMAND = re.compile(r"\{\{(qlearn(?: \w+)*) --help\}\}")
+NUMBER = re.compile(r"[-+]?\d[\d,]*(?:\.\d+)?")
 
 
-def renewed(text: str, folder: Path) -> str:
-    """The text with every quote as its page, found from the folder, has it now. Raises ValueError
-    where a page has no such cell, or several that differ."""
-    pages: dict[str, str] = {}
+def renewed(text: str, root: Path = ROOT) -> str:
+    """Return a page's text with every block as its pages of results have it now.
+
+    Parameters
+    ----------
+    text : str
+        The page.
+    root : Path
+        The folder that references start from. The blocks' texts are in its benchmarks/blocks.
+
+    Raises
+    ------
+    ValueError
+        If a page of results has no such cell, or several that differ.
+    FileNotFoundError
+        If a block has no text.
+    """
+    folder = root / "benchmarks" / "blocks"
 
     def written(match: re.Match[str]) -> str:
-        page, heading, line, column, _ = match.groups(default="")
-        if page not in pages:
-            pages[page] = (folder / page).read_text(encoding="utf-8")
-        there, name = tables(under(pages[page], page, heading[1:].strip('"'))), page + heading
-        found = columns(there, name, column) if line == ALL else cell(there, name, line, column)
-        return f"<!-- {name}: {line}: {column} -->{found}<!-- -->"
+        name = match[1]
+        told = filled((folder / f"{name}.md").read_text(encoding="utf-8").strip(), root)
+        return f"<!-- begin {name} -->\n\n{told}\n\n<!-- end {name} -->"
 
-    return QUOTE.sub(written, text)
+    return BLOCK.sub(written, text)
+
+
+def filled(text: str, root: Path = ROOT) -> str:
+    """Return the text with the cells in place of its references to them.
+
+    Raises ValueError where a page has no such cell, or several that differ.
+    """
+
+    def found(match: re.Match[str]) -> str:
+        page, heading, line, column, digits = match.groups(default="")
+        whole = (root / page).read_text(encoding="utf-8")
+        there, name = tables(under(whole, page, heading[1:].strip('"'))), page + heading
+        if line == ALL:
+            return columns(there, name, column)
+        one = cell(there, name, line, column)
+        return rounded(one, int(digits)) if digits else one
+
+    return COMMAND.sub(lambda match: command_options(match[1]), REFERENCE.sub(found, text))
+
+
+def command_options(command: str) -> str:
+    """Return the options of a command of the project, such as "qlearn log merge", as a table."""
+    from qlearn.cli.main import parser
+
+    at = parser()
+    for word in command.split()[1:]:
+        at = next(
+            action.choices[word]
+            for action in at._actions
+            if isinstance(action, argparse._SubParsersAction)
+        )
+    rows = []
+    for action in at._actions:
+        if isinstance(action, (argparse._HelpAction, argparse._SubParsersAction)):
+            continue
+        names = ", ".join(f"`{name}`" for name in action.option_strings) or f"`{action.metavar}`"
+        told = at._get_formatter()._expand_help(action) if action.help else ""
+        kind = str(action.metavar or action.dest.upper())
+        choices = kind[1:-1].split(",") if kind.startswith("{") else action.choices or ()
+        if choices:
+            told += f". One of {', '.join(f'`{choice}`' for choice in choices)}"
+        elif action.option_strings and action.nargs != 0:
+            names += f" {kind}"
+        rows.append([names.replace("|", r"\|"), told.replace("|", r"\|")])
+    return "\n".join(markdown(["option", "meaning [default]"], rows, 2))
+
+
+def rounded(text: str, digits: int) -> str:
+    """Return the first number of a cell, rounded."""
+    first = NUMBER.search(text)
+    if first is None:
+        raise ValueError(f"the cell {text!r} has no number to round")
+    return f"{float(first[0].replace(',', '')):,.{digits}f}"
 
 
 def under(text: str, page: str, begins: str) -> str:
-    """What stands under the heading that is so, or else begins so, up to the next; all, if it
-    begins with nothing.
+    """Return the part of a page under the heading that is so, or else begins so, up to the next.
+
+    It is all of the page if ``begins`` is empty.
     """
     if not begins:
         return text
@@ -67,7 +135,7 @@ def under(text: str, page: str, begins: str) -> str:
 
 
 def cell(found: list[list[list[str]]], page: str, line: str, column: str) -> str:
-    """The cell of a page's tables in this line and column."""
+    """Return the cell of a page's tables in this line and column."""
     cells = {
         row[head.index(column)]
         for head, *rows in found
@@ -84,8 +152,7 @@ def cell(found: list[list[list[str]]], page: str, line: str, column: str) -> str
 
 
 def columns(found: list[list[list[str]]], page: str, names: str) -> str:
-    """These columns, named with commas, of the page's table that has them, as a table of Markdown
-    with a line before it and after it."""
+    """Return these columns, named with commas, of the page's table that has them, as Markdown."""
     wanted = names.split(", ")
     having = [table for table in found if {*wanted} <= {*table[0]}]
     if len(having) != 1:
@@ -94,12 +161,13 @@ def columns(found: list[list[list[str]]], page: str, names: str) -> str:
         )
     places = [having[0][0].index(name) for name in wanted]
     head, *rows = ([row[place] for place in places] for row in having[0])
-    return "\n".join(["\n", *markdown(head, rows, len(wanted)), "\n"])
+    return "\n".join(markdown(head, rows, len(wanted)))
 
 
 def tables(text: str) -> list[list[list[str]]]:
-    """The tables of a page of Markdown: for each the cells of its lines, the head first, without
-    the rule.
+    """Return the tables of a page of Markdown.
+
+    Each is a list of the cells of its lines, the head first, without the rule.
     """
     found: list[list[list[str]]] = []
     before = ""
@@ -115,26 +183,27 @@ def tables(text: str) -> list[list[list[str]]]:
 
 
 def renew() -> None:
-    """Write the quotes of all ``PAGES`` anew."""
+    """Renew the blocks of all ``PAGES``."""
     for page in PAGES:
-        page.write_text(renewed(page.read_text(encoding="utf-8"), page.parent), encoding="utf-8")
+        text = page.read_text(encoding="utf-8")
+        if (new := renewed(text, ROOT)) != text:
+            page.write_text(new, encoding="utf-8")
 
 
 def renew_beside(written: Path) -> None:
-    """``renew`` if this page, which was just written, is one that they quote from."""
-    if written.resolve() in {
-        (page.parent / one[1]).resolve() for page in PAGES for one in quotes_in(page)
-    }:
+    """Renew all pages if this page, which was just written, is one that they quote from."""
+    if written.resolve() in {ROOT / page for page in sources()}:
         renew()
 
 
-def quotes_in(page: Path) -> list[re.Match[str]]:
-    """The quotes of a page."""
-    return [*QUOTE.finditer(page.read_text(encoding="utf-8"))]
+def sources() -> set[str]:
+    """Return the pages of results, from the root, that the blocks refer to."""
+    texts = (path.read_text(encoding="utf-8") for path in BLOCKS.glob("*.md"))
+    return {match[1] for text in texts for match in REFERENCE.finditer(text)}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """The command."""
+    """Run the command."""
     parser = argparse.ArgumentParser(
         "python -m benchmarks.quotes", description=(__doc__ or "").splitlines()[0]
     )

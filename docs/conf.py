@@ -5,9 +5,12 @@ Docstrings are plain text with ``code``, and parameters in numpydoc's sections o
 ``as_rst`` says so to Sphinx.
 """
 
+import json
 import re
 from importlib.metadata import version as version_of
 from typing import Any
+
+from myst_parser.parsers.sphinx_ import MystParser
 
 project = "elicit + qlearn"
 copyright = "2026, the elicit + qlearn authors"
@@ -15,7 +18,13 @@ version = release = version_of("elicit-qlearn")
 
 extensions = ["myst_parser", "sphinx.ext.autodoc"]
 root_doc = "docs/index"
-include_patterns = ["docs/**.md", "benchmarks/*.md", "CHANGELOG.md", "CONTRIBUTING.md"]
+include_patterns = [
+    "docs/**.md",
+    "benchmarks/*.md",
+    "notebooks/*.ipynb",
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+]
 exclude_patterns = [
     ".venv",
     ".git",
@@ -24,10 +33,9 @@ exclude_patterns = [
     "build",
     "dist",
     "results",
-    "notebooks",
     "tests",
 ]
-source_suffix = {".md": "markdown"}
+source_suffix = {".md": "markdown", ".ipynb": "notebook"}
 myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 3
 
@@ -141,7 +149,50 @@ def shortened(signature: str | None) -> str | None:
     return signature
 
 
+class NotebookParser(MystParser):
+    """Reads a notebook as committed: its text, its code, and what its cells showed."""
+
+    supported = ("notebook",)
+
+    def parse(self, inputstring: str, document: Any) -> None:
+        parts = []
+        for cell in json.loads(inputstring)["cells"]:
+            source = "".join(cell["source"])
+            if cell["cell_type"] == "markdown":
+                parts.append(_MATH.sub(_as_code, source))
+            elif source:
+                parts.append(f"```python\n{source}\n```")
+                parts += [shown for shown in map(_shown, cell["outputs"]) if shown]
+        super().parse("\n\n".join(parts), document)
+
+
+_MATH = re.compile(r"\$\$?([^$]+?)\$\$?")
+
+
+def _as_code(formula: re.Match[str]) -> str:
+    """A formula of TeX as code, which needs no script to be read."""
+    text = formula[1].replace(r"\,", " ").replace(r"\cdot", ".")
+    return f"`{text}`"
+
+
+def _shown(output: dict[str, Any]) -> str:
+    """An output of a cell as Markdown: a picture or a table before plain text."""
+    data = {kind: "".join(value) for kind, value in output.get("data", {}).items()}
+    data.setdefault("text/plain", "".join(output.get("text", "")))
+    if "image/png" in data:
+        picture = data["image/png"].replace("\n", "")
+        return f'<p><img alt="what the cell draws" src="data:image/png;base64,{picture}"></p>'
+    if "text/html" in data:  # a blank line would end it
+        return "\n".join(line for line in data["text/html"].splitlines() if line.strip())
+    if "text/markdown" in data:
+        return data["text/markdown"]
+    text = data["text/plain"].rstrip()
+    return f"```text\n{text}\n```" if text else ""
+
+
 def setup(app: Any) -> None:
+    app.add_source_parser(NotebookParser)
+
     def process(app: Any, what: str, name: str, found: Any, options: Any, lines: list[str]) -> None:
         lines[:] = as_rst(lines)
 
@@ -154,10 +205,16 @@ def setup(app: Any) -> None:
             else None
         )
 
+    def leave_out(app: Any, doctree: Any) -> None:
+        """Pages of results are listed in docs/evidence.md, not in the navigation."""
+        if app.env.docname.startswith("benchmarks/RESULTS"):
+            app.env.metadata[app.env.docname]["orphan"] = True
+
     def shorten(*found: Any) -> tuple[str | None, str | None]:
         signature, returned = found[-2:]
         return shortened(signature), shortened(returned)
 
+    app.connect("doctree-read", leave_out)
     app.connect("autodoc-process-docstring", process)
     app.connect("autodoc-process-signature", shorten)
     app.connect("autodoc-skip-member", skip)

@@ -7,10 +7,10 @@ from typing import Any
 
 from elicit._support.hashing import Seed
 from elicit._support.seeds import seed_of
-from elicit.model.comparator import Comparator
+from elicit.model.comparator import Comparator, people_of
 from elicit.model.tutor import check_tutor_made
 from elicit.tutors.answer_log import AnswerLog
-from elicit.tutors.panel import PanelTutor
+from elicit.tutors.panel import tutor_of
 from qlearn.experiments.catalogue import COMPARATORS, LEARNERS
 from qlearn.learners.learner import Result, Tutors, check_problem, drive
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -89,10 +89,10 @@ def solve(
         result = qlearn.drive(learner, tutor, seed=seed)
     """
     _check_mdp(mdp)
-    tutor = PanelTutor(tutor) if isinstance(tutor, Mapping) else tutor
-    check_tutor_made(tutor, mdp.k)
     key = seed_of(seed)
     knows = _named(comparator, key, mdp.k)
+    tutor = tutor_of(tutor, people_of(knows))
+    check_tutor_made(tutor, mdp.k)
     check_problem(mdp, knows)
     if not isinstance(learner, str) or learner not in LEARNERS:
         raise ValueError(f"learner must be one of {_listed(LEARNERS)}, not {learner!r}")

@@ -4,7 +4,8 @@ our own rules.
 Where they were published, a rule also makes up the questions: the best trajectories of two scales
 (Wilde et al. 2020), two profiles at the ends of the polytope (Toubia et al. 2004). Here all choose
 among a learner's candidates, so that the rule alone differs. BALD, or mutual information (Houlsby
-et al. 2011; Biyik et al. 2019), is in ``qlearn.strategies``.
+et al. 2011; Biyik et al. 2019), is in ``qlearn.strategies``. The methods as they were published,
+with questions, estimates and ends of their own, are in ``benchmarks.contest``.
 """
 
 from __future__ import annotations

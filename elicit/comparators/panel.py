@@ -44,6 +44,7 @@ from elicit.model.comparator import (
     simultaneous_bounds,
     stated_confidence,
     tie_of,
+    unordered_of,
 )
 from elicit.model.difference import as_differences, tail_sums
 from elicit.model.pairs import same_pairs
@@ -110,6 +111,13 @@ class Panel:
             if as_who(name) is None:
                 raise TypeError("a member of a panel needs a name, not None")
             check_comparator_made(member)
+            if isinstance(member, Panel) or unordered_of(member) is not None:
+                kind = type(member).__name__
+                raise ValueError(
+                    f"member {name!r} has {kind}, but a panel takes each member as one person "
+                    "who is certain of the order of the levels: give them a "
+                    "PolytopeComparator or a PosteriorComparator"
+                )
         levels = {name: member.k for name, member in members.items()}
         if len({*levels.values()}) > 1:
             raise ValueError(f"the members of a panel must have the same levels, not {levels}")
@@ -381,20 +389,19 @@ def _weights(
     people: Sequence[str], weights: Mapping[str, float] | Sequence[float] | None
 ) -> dict[str, float]:
     """Return the weight of each person, of total 1. Raises ValueError."""
+    given: list[Any] = []
     if isinstance(weights, Mapping):
-        given = [weights.get(name) for name in people]
-        fits = len(weights) == len(people) and None not in given
-    else:
+        given = [weights.get(name) for name in people] if {*weights} == {*people} else []
+    elif weights is None or isinstance(weights, Sequence):
         given = [1.0] * len(people) if weights is None else list(weights)
-        fits = len(given) == len(people)
-    if not fits or not all(is_number(one, 0) and one > 0 for one in given if one is not None):
+    fits = len(given) == len(people) and all(is_number(one, 0) and one > 0 for one in given)
+    total = float(sum(given)) if fits else np.inf
+    if not np.isfinite(total):
         raise ValueError(
-            f"weights must give each of {', '.join(map(repr, people))} a number above 0, not "
-            f"{weights!r}"
+            f"weights must give each of {', '.join(map(repr, people))} a number above 0, and have "
+            f"a finite total, not {weights!r}"
         )
-    numbers = [float(one) for one in given if one is not None]
-    total = sum(numbers)
-    return {name: one / total for name, one in zip(people, numbers, strict=True)}
+    return {name: float(one) / total for name, one in zip(people, given, strict=True)}
 
 
 def _contradiction_of(name: str, error: InconsistentAnswers, told: Answers) -> InconsistentAnswers:

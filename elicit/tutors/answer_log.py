@@ -511,6 +511,12 @@ def _withdrawn(entries: list[Entry], id: Any, told: Mapping[str, Any]) -> dict[i
     Raises ValueError where it takes back nothing.
     """
     mine = {i: entry for i, entry in enumerate(entries) if entry.answer.query.id == id}
+    people = sorted({e.answer.who for e in mine.values() if not e.retracted and e.answer.who})
+    if len(people) > 1:
+        raise ValueError(
+            f"answers of {' and '.join(people)} to query {id} stand in this log: take back one in "
+            "the log of that person, and merge the logs again"
+        )
     if all(entry.retracted for entry in mine.values()):
         why = (
             "was retracted already, and none was given since"

@@ -1,6 +1,6 @@
 """Several people as one tutor: each question goes to the person whom it asks."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -8,6 +8,28 @@ import numpy as np
 
 from elicit.model.query import Answer, Query, as_verdict
 from elicit.model.tutor import KnowsLevels, check_tutor_made
+
+
+def tutor_of(
+    tutor: Callable[[Query], Answer | int] | Mapping[str, Callable[[Query], Answer | int]],
+    people: Sequence[str],
+) -> Callable[[Query], Answer | int]:
+    """Return a tutor as it is, and several by name as a ``PanelTutor`` for these people.
+
+    Raises
+    ------
+    ValueError
+        If a person has no tutor, or a tutor is of nobody; before anybody is asked.
+    """
+    if not isinstance(tutor, Mapping):
+        return tutor
+    if {*tutor} != {*people} and (people or len(tutor) > 1):
+        asked = ", ".join(map(repr, people)) or "one tutor alone, for there is no elicit.Panel"
+        raise ValueError(
+            f"the tutors are of {', '.join(map(repr, tutor))}, but the questions go to {asked}: "
+            "give the tutor of each member of the panel by name"
+        )
+    return PanelTutor(tutor)
 
 
 class PanelTutor:

@@ -16,19 +16,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     Bad options end in SystemExit(2).
     """
-    parser = argparse.ArgumentParser(
-        "qlearn", description="Reinforcement learning with ordinal rewards and a tutor."
-    )
-    parser.add_argument(
-        "--version", action=_Version, nargs=0, default=argparse.SUPPRESS, help="say the version"
-    )
-    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    ablate.add_to(commands)
-    figures.add_to(commands)
-    log.add_to(commands)
-    teach.add_to(commands)
-    result.add_to(commands)
-    options = vars(parser.parse_args(argv))
+    options = vars(parser().parse_args(argv))
     if "settings" not in options:
         try:
             code = int(options.pop("command")(**options))
@@ -44,6 +32,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ModuleNotFoundError as error:
         code = without(error)
     return code
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of all commands."""
+    made = argparse.ArgumentParser(
+        "qlearn", description="Reinforcement learning with ordinal rewards and a tutor."
+    )
+    made.add_argument(
+        "--version", action=_Version, nargs=0, default=argparse.SUPPRESS, help="say the version"
+    )
+    commands = made.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    ablate.add_to(commands)
+    figures.add_to(commands)
+    log.add_to(commands)
+    teach.add_to(commands)
+    result.add_to(commands)
+    return made
 
 
 class _Version(argparse.Action):

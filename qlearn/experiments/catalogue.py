@@ -196,7 +196,7 @@ _PROBLEMS = (
 )
 PROBLEMS: Mapping[str, ProblemEntry] = {entry.name: entry for entry in _PROBLEMS}
 """The problems by name."""
-TAUGHT_WITH = ("polytope", "posterior")
+TAUGHT_WITH = ("polytope", "polytope-1-wrong", "posterior")
 """The comparators that ``qlearn teach`` offers, by name."""
 NAMES: Mapping[str, str] = {
     name: entry.label

@@ -19,7 +19,7 @@ from elicit._support.validation import is_number, require
 from elicit.asking.elicitation import AnsweredQuery, Audit, Elicitation, OnConflict, Pair, Watcher
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.comparators.panel import Panel
-from elicit.model.comparator import Comparator, Tier, check_comparator_made, wrong_of
+from elicit.model.comparator import Comparator, Tier, check_comparator_made, people_of, wrong_of
 from elicit.model.needs import Needs
 from elicit.model.outcomes import Status, assumed_of_answers
 from elicit.model.query import (
@@ -34,7 +34,7 @@ from elicit.model.query import (
 from elicit.model.scale import Floats
 from elicit.model.tutor import TutorOfMany, check_tutor_made
 from elicit.tutors.answer_log import EXPECTED, AnswerLog
-from elicit.tutors.panel import PanelTutor
+from elicit.tutors.panel import tutor_of
 from qlearn.certificates.loss_bound import BOUNDING, Guarantee, loses_at_most, loss_bound
 from qlearn.certificates.within_reach import out_of_reach, tolerance_within_reach
 from qlearn.learners.action_pair_kernel import AnswersInLoops
@@ -527,7 +527,7 @@ def drive(
     logged, where the tutor answers what was not asked.
     """
     require(on_conflict in ("raise", "drop"), "on_conflict", "'raise' or 'drop'", on_conflict)
-    tutor = PanelTutor(tutor) if isinstance(tutor, Mapping) else tutor
+    tutor = tutor_of(tutor, people_of(learner.comparator))
     check_tutor_made(tutor, learner.comparator.k)
     signs = _signs_of(tutor) if isinstance(learner.comparator, AlwaysAsk) else None
     if signs is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 from functools import partial
-from typing import Unpack
+from typing import Literal, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from elicit.asking.bags import Bags
 from elicit.asking.confirming import confirming_question
 from elicit.asking.cuts import CUTTING, closing_cut, closing_cut_of_one
 from elicit.asking.elicitation import Elicitation, Pair, Place
+from elicit.asking.magnified import MAGNIFIED, magnified
 from elicit.asking.options import AskingOptions, check_options, filled
 from elicit.comparators.panel import Panel
 from elicit.decision.verdicts import decide
@@ -84,9 +85,12 @@ class InteractivePolicyIteration(Learner):
         Stop at this bound already, even if it exceeds the tolerance. The status then is CERTIFIED.
     strategy : function of ``qlearn.strategies``, or its name
         Picks the question. The default weighs what an answer tells by how likely it is to matter.
-    bags : elicit.Bags, optional
+    bags : elicit.Bags or "magnified", optional
         Ask about simple bags instead ("of 10 days ..."), one at a time, as far as they tell enough
-        of the signs of the advantages in question.
+        of the signs of the advantages in question. "magnified": ask about the greatest power of two
+        times each difference that two bags can have (``elicit.asking.magnified``). Take it for a
+        tutor who errs where little is at stake: such tutors then answer better, and the policy
+        loses less (docs/contest.md).
     cuts : bool, optional
         Once most plausible scales agree on the policy, also ask about two mixtures of levels that
         are made to close several advantages at once (``elicit.asking.cuts``), if that promises
@@ -124,7 +128,7 @@ class InteractivePolicyIteration(Learner):
         tolerance: float = 0.001,
         max_loss: float | None = None,
         strategy: Strategy | str = telling_violation,
-        bags: Bags | None = None,
+        bags: Bags | Literal["magnified"] | None = None,
         cuts: bool | None = None,
         exact: bool | None = None,
         **asking: Unpack[AskingOptions],
@@ -136,11 +140,13 @@ class InteractivePolicyIteration(Learner):
         self._tolerance = check_tolerance(tolerance)
         self._enough = max(tolerance, check_max_loss(max_loss) or 0.0)
         require(
-            bags is None or isinstance(bags, Bags),
+            bags is None or bags == MAGNIFIED or isinstance(bags, Bags),
             "bags",
-            "None or an elicit.Bags, such as Bags(days=10)",
+            f"None, {MAGNIFIED!r} or an elicit.Bags, such as Bags(days=10)",
             bags,
         )
+        self._magnify = bags == MAGNIFIED
+        bags = bags if isinstance(bags, Bags) else None
         self._strategy = strategy_of(strategy)
         check_needs(comparator, type(self), self._strategy)
         self._bags = bags
@@ -377,7 +383,8 @@ class InteractivePolicyIteration(Learner):
         """Return the pair of an action's vector and the policy's, at the state of this row."""
         s, a = int(over.states[row]), int(over.actions[row])
         left = q_of(np.array([s]), over.v, model_of(self._mdp))[0, a]
-        return pair_of(self._mdp, left, over.v[s], s, a, int(over.policy[s]), int(tier))
+        pair = pair_of(self._mdp, left, over.v[s], s, a, int(over.policy[s]), int(tier))
+        return magnified(pair) if self._magnify else pair
 
     def _place(self, over: Advantages, row: int) -> Place:
         state = int(over.states[row])

@@ -30,7 +30,8 @@ from benchmarks.asking import (
     question_rules,
     wrong_answers,
 )
-from benchmarks.comparing import comparison_cost
+from benchmarks.comparing import comparison_cost, families_and_rules
+from benchmarks.contest import redraw
 from benchmarks.evidence import PAGES, ROOT
 from benchmarks.fitting import calibration, calibration_questions, fit_cost
 from benchmarks.fitting.calibration_tables import shown, summary
@@ -153,12 +154,28 @@ def asked_together(text: str) -> Iterator[str | Cells]:
     yield [*panel.described(*key, found)]
 
 
+def by_every_rule(text: str) -> Iterator[str | Cells]:
+    count = int(re.search(r"over (\d+) problems", text)[1])
+    runs = [
+        families_and_rules.run({"problem": "career", "kind": kind, "seed": seed})
+        for seed in range(families_and_rules.FIRST, families_and_rules.FIRST + count)
+        for kind in families_and_rules.KINDS
+    ]
+    yield [*families_and_rules.row("career", runs)]
+
+
 def asked_so_far(text: str) -> Iterator[str | Cells]:
     count = int(re.search(r"mean over (\d+) hidden scales", text)[1])
     frame = pd.DataFrame(loss_by_questions.curves("career", range(count), 30))
     part = frame[frame["method"] == "policy-iteration"]
     shown = loss_by_questions.SHOWN
     yield ["policy iteration", *(loss_by_questions._cell(part, n, "loss") for n in shown)]
+
+
+def contested(text: str) -> Iterator[str | Cells]:
+    """From the committed rows; tests/benchmarks/contest/test_rows.py runs some of them again."""
+    for line in redraw.claim_table(redraw.load())[2:]:
+        yield cells(line)
 
 
 def cut(text: str) -> Iterator[str | Cells]:
@@ -413,6 +430,7 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("about-equal", equal, SLOW),
     ("RESULTS-headroom", unasked, SLOW),
     ("RESULTS-loss", asked_so_far, SLOW),
+    ("RESULTS-contest", contested),
     ("RESULTS-cuts", cut, SLOW),
     ("RESULTS-wrong", wrong, SLOW),
     ("RESULTS-sessions", sessions, SLOW),
@@ -425,6 +443,7 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("RESULTS-people", answered_again),
     ("RESULTS-people-gains", liked),
     ("RESULTS-panel", asked_together, SLOW),
+    ("RESULTS-families", by_every_rule, SLOW),
     ("RESULTS-kinds", asked_of_each_kind, SLOW),
     ("RESULTS", learned, SLOW),
     ("RESULTS-ivi", swept, SLOW),

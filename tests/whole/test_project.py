@@ -208,19 +208,19 @@ def test_every_public_name_can_be_imported_whatever_was_imported_before(package)
     run(code)
 
 
-def test_the_examples_of_the_readme_run_one_after_the_other_as_printed():
+def test_the_example_of_the_readme_runs_as_printed():
     text = (ROOT / "README.md").read_text()
-    examples = re.findall(r"```python\n(.*?)```\n\n```text\n(.*?)```", text, re.DOTALL)
-    code, printed = ("".join(parts) for parts in zip(*examples, strict=True))
-    assert len(examples) == text.count("```python") == 2
-    assert examples[0][0].startswith("import")
-    assert "qlearn.solve(" in examples[0][0]
-    assert "while queries := learner.ask():" in examples[1][0]
-    shown = run(code)
-    assert shown == printed.splitlines()
-    for said, tolerance in zip([examples[0][1], examples[1][1]], (0.01, 0.001), strict=True):
-        worst = float(said.splitlines()[-1].rsplit(":", 1)[1])
-        assert 0 <= worst <= tolerance  # that the example asks for
+    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    (printed,) = re.findall(r"```text\n(.*?)```", text, re.DOTALL)
+    assert code.startswith("import")
+    assert "qlearn.solve(" in code
+    assert run(code) == printed.splitlines()
+    worst = float(printed.splitlines()[-1].rsplit(":", 1)[1])
+    assert 0 <= worst <= 0.01  # the tolerance that the example asks for
+
+
+def test_the_readme_is_read_in_a_minute():
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 100
 
 
 def test_the_constraints_name_versions_and_no_host():

@@ -114,9 +114,9 @@ class Cells:
         """
         if len(self.parts) == 1:
             return np.ones(1)
-        log_volume = np.array([log_volume(part.scales.draws) for part in self.parts])
+        logs = np.array([log_volume(part.scales.draws) for part in self.parts])
         wrong = np.array([len(part.wrong) for part in self.parts])
-        weights = np.exp(log_volume - log_volume.max()) * WRONG_ODDS**wrong
+        weights = np.exp(logs - logs.max()) * WRONG_ODDS**wrong
         return np.asarray(weights / weights.sum())
 
     @property

@@ -14,6 +14,7 @@ from elicit import (
     Answers,
     Dominance,
     InconsistentAnswers,
+    OpenOrderComparator,
     Panel,
     PolytopeComparator,
     PosteriorComparator,
@@ -249,3 +250,16 @@ def test_a_member_whose_answers_may_be_wrong_is_asked_so_often_about_a_pair_at_m
         assert len(panel.answers) <= 2 * _FORMS
     assert {*panel.answers.who} == {"ann", "ben"}
     assert panel.whom(np.array([0.2, -0.1, -0.6, 0.5])) is not None
+
+
+def test_a_member_whose_order_is_open_and_a_panel_are_refused():
+    with pytest.raises(ValueError, match="member 'a' has OpenOrderComparator"):
+        Panel({"a": OpenOrderComparator(3), "b": PolytopeComparator(3)})
+    with pytest.raises(ValueError, match="member 'b' has Panel"):
+        Panel({"b": Panel({"c": PolytopeComparator(3)})})
+
+
+@pytest.mark.parametrize("weights", [5, [1, None], [1e308, 1e308], [1], {"a": 1, "c": 1}, [1, 0]])
+def test_weights_that_are_no_shares_are_refused(weights):
+    with pytest.raises(ValueError, match="weights must give each of 'a', 'b' a number above 0"):
+        Panel({"a": PolytopeComparator(3), "b": PolytopeComparator(3)}, weights)

@@ -79,7 +79,7 @@ def test_help_imports_nothing_heavy() -> None:
         ("ablate --learners tests.own_cases:NUMBER", "is no factory: 5 cannot be called"),
         (
             "ablate --tutors flip",
-            "invalid choice: 'flip' (choose from or your own, as package.module:factory)",
+            "invalid choice: 'flip' (choose from 'person', or your own, as package.module:factory)",
         ),
         ("ablate --comparators", "expected at least one argument"),
         ("ablate --colour red", "--colour"),

@@ -259,7 +259,10 @@ def test_every_name_has_something_that_it_stands_for() -> None:
         "learner": {*runs.LEARNERS},
         "comparator": {*runs.COMPARATORS},
     }
-    assert {name: {*ORDER[name]} for name in ORDER} == made | {"errs": {*TUTORS}}
+    assert {name: {*ORDER[name]} for name in ORDER} == made | {
+        "errs": {*TUTORS},
+        "error_rate": {"person"},
+    }
     assert {*NAMES} == set().union(*made.values())
     catalogues: list[Mapping[str, Any]] = [runs.PROBLEMS, runs.LEARNERS, runs.COMPARATORS]
     assert all(entry.name == name for one in catalogues for name, entry in one.items())

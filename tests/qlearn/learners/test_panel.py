@@ -219,3 +219,16 @@ def test_a_session_of_several_goes_on_from_its_log_and_takes_answers_back(tmp_pa
         order = session.result().order
     vectors = np.random.default_rng(2).dirichlet(np.ones(K), 5)
     assert (np.diff(vectors[list(order)] @ MEAN) <= 1e-9).all()
+
+
+def test_a_missing_tutor_is_found_before_anybody_is_asked():
+    def never(query):
+        raise AssertionError(query)
+
+    mdp = qlearn.random_mdp(5, 2, 3, seed=0)[0]
+    panel = Panel({"a": PolytopeComparator(3), "b": PolytopeComparator(3)})
+    for tutors in ({"a": never, "B": never}, {"a": never, "b": never, "c": never}):
+        with pytest.raises(ValueError, match="give the tutor of each member"):
+            qlearn.solve(mdp, tutors, panel)
+    with pytest.raises(ValueError, match="one tutor alone"):
+        qlearn.solve(mdp, {"a": never, "b": never}, PolytopeComparator(3))

@@ -21,7 +21,7 @@ from elicit import (
 from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
 from elicit.model.query import Answer, InconsistentAnswers, StaleAnswer, Verdict
 from elicit.tutors.answer_log import AnswerLog
-from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
+from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from qlearn import (
     InteractivePolicyIteration,
     InteractiveQLearning,
@@ -565,3 +565,25 @@ def test_pairs_called_equal_are_not_asked_about_for_ever_on_a_large_model():
             break
         learner.tell([Answer(query, Verdict.EQUAL) for query in queries])
     assert learner.result().status is Status.CALLED_EQUAL
+
+
+def test_magnified_differences_are_told_apart_by_a_tutor_who_errs_where_little_is_at_stake():
+    asked = {}
+    for bags in (None, "magnified"):
+        counts = []
+        for seed in range(3):
+            mdp, values = random_mdp(20, 3, 4, discount=0.9, seed=seed)
+            learner = InteractivePolicyIteration(
+                mdp,
+                PosteriorComparator(4, seed=seed),
+                tolerance=0.02,
+                bags=bags,
+                max_queries=60,
+            )
+            result = drive(learner, BradleyTerryTutor(values, 30.0, seed=seed))
+            assert policy_loss(mdp, result.policy, values).max() <= result.loss_bound + 1e-9
+            counts.append(result.asked)
+        asked[bags] = sum(counts)
+    assert asked["magnified"] < asked[None]
+    with pytest.raises(ValueError, match="bags must be None, 'magnified' or an"):
+        InteractivePolicyIteration(mdp, PosteriorComparator(4), bags="large")

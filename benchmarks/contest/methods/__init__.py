@@ -1,0 +1,51 @@
+"""The methods of the contest, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import NamedTuple
+
+from benchmarks.contest.harness import Method
+from benchmarks.contest.methods.aprel import RULES, APReL
+from benchmarks.contest.methods.expected_utility import ExpectedUtility
+from benchmarks.contest.methods.gaussian_process import OrderedElicitation
+from benchmarks.contest.methods.information_directed import InformationDirected
+from benchmarks.contest.methods.minimax_regret import MinimaxRegret
+from benchmarks.contest.methods.ours import PolicyIteration
+from benchmarks.contest.methods.policy_comparisons import PolicyComparisons
+from benchmarks.contest.methods.polyhedral import Polyhedral
+from benchmarks.contest.methods.simple import Bisection, RandomPairs
+
+WORST, START = "at the worst state", "from the start"
+
+
+class Entry(NamedTuple):
+    """A method: how to make one, and what it claims when it is done.
+
+    ``claims`` names the loss that it says is at most 1%, or is empty. ``promises`` is the chance
+    with which it says so of a tutor who errs, which takes many runs to judge; 0 for no promise.
+    ``only`` is the one tutor that it takes part with, if it is made for no other.
+    """
+
+    make: Callable[[], Method]
+    claims: str = ""
+    promises: float = 0.0
+    only: str = ""
+
+
+METHODS: Mapping[str, Entry] = {
+    "ours: polytope": Entry(partial(PolicyIteration, "polytope"), WORST, only="truthful"),
+    "ours: posterior": Entry(partial(PolicyIteration, "posterior"), WORST, 0.95),
+    "ours: posterior, magnified": Entry(partial(PolicyIteration, "posterior", True), WORST, 0.95),
+    "minimax regret: current solution": Entry(partial(MinimaxRegret, "current solution"), START),
+    "minimax regret: largest gap": Entry(partial(MinimaxRegret, "largest gap"), START),
+    "expected utility (EVOI, EUBO)": Entry(ExpectedUtility, START),
+    "IDRL": Entry(InformationDirected),
+    **{f"APReL: {rule}": Entry(partial(APReL, rule)) for rule in RULES},
+    "Gaussian process (Zintgraf)": Entry(OrderedElicitation),
+    "policy comparisons (Shao)": Entry(PolicyComparisons, START),
+    "polyhedral (Toubia)": Entry(Polyhedral),
+    "bisection of each level": Entry(Bisection, WORST),
+    "random pairs": Entry(RandomPairs),
+}

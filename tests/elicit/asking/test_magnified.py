@@ -1,0 +1,34 @@
+"""Magnified pairs: a power of two times the difference, between sides of the same total."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from elicit.asking.elicitation import Pair
+from elicit.asking.magnified import magnified
+from tests.thoroughness import examples
+
+
+@examples(200)
+@given(st.integers(0, 10**6), st.integers(2, 8), st.floats(1e-6, 1.0))
+def test_the_difference_is_the_greatest_power_of_two_times_what_it_was(seed, k, share):
+    rng = np.random.default_rng(seed)
+    both, one, other = rng.dirichlet(np.ones(k), 3)
+    pair = Pair((1 - share) * both + share * one, (1 - share) * both + share * other, "which?")
+    large = magnified(pair)
+    before, after = pair.left - pair.right, large.left - large.right
+    times = 2.0 ** np.round(np.log2(np.abs(after).sum() / np.abs(before).sum()))
+    np.testing.assert_allclose(after, times * before, atol=1e-12)
+    assert times >= 1
+    for side in (large.left, large.right):
+        assert (side >= -1e-12).all()
+        assert abs(side.sum() - 1.0) <= 1e-9
+    common = float(np.minimum(large.left, large.right).sum())
+    assert common <= 0.5 + 1e-9  # a further doubling would leave less than nothing in common
+    assert ("times as large" in large.about) == (times > 1)
+
+
+def test_pairs_without_a_difference_or_without_room_stay_as_they_are():
+    same, apart = np.array([0.5, 0.5]), (np.array([1.0, 0.0]), np.array([0.0, 1.0]))
+    assert magnified(Pair(same, same, "")) == Pair(same, same, "")
+    assert magnified(Pair(*apart, "")) == Pair(*apart, "")
