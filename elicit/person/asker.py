@@ -75,6 +75,17 @@ class AfterAnswer(NamedTuple):
     contradicts: list[str] | None
 
 
+class Supposed(NamedTuple):
+    """An asker that knows other answers than those that stand.
+
+    ``used`` of the ``of`` answers that now stand, and say more than "cannot tell", would be used.
+    """
+
+    asker: Asker
+    used: int
+    of: int
+
+
 def tell(asker: Asker, answer: Answer) -> list[str] | None:
     """Tell an asker an answer, and drop it if it contradicts the others.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -14,18 +15,22 @@ from elicit._support.distribution import version
 from elicit.model.difference import tail_sums
 from elicit.model.pairs import same_pairs
 from elicit.model.query import Query, Verdict
-from elicit.person.asker import Compares
+from elicit.person.asker import Compares, Supposed
 from elicit.person.course.conclusion import Conclusion, SessionFacts, in_unit
 from elicit.person.course.conduct import Conduct, choice_of
+from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
 from elicit.person.course.further import known_question, level_question
+from elicit.person.course.pace import Pace
 from elicit.person.findings import asked_levels, certainty, scale_rows
+from elicit.person.outlook import Prospect
 from elicit.person.report import ReportDetails, report_page
 from elicit.person.session import Session
 from elicit.person.showing import MOST_ICONS, Shown, Words, printable, show
 from elicit.tutors.answer_log import Entry
 
-_BUDGETS = ((8, "about 3 minutes"), (15, "about 5 minutes"), (30, "about 10 minutes"))
+MINUTES = (5, 10, 20)
+"""Minutes that the welcome offers."""
 
 
 def _no_more(_: Any) -> list[str]:
@@ -126,8 +131,22 @@ class Drawing:
             "purpose": printable(words.purpose),
             "before": "" if loss is None else printable(self._before(loss)),
             "least": self._subject.least,
-            "budgets": [{"questions": n, "label": label} for n, label in _BUDGETS],
+            "budgets": [
+                {"minutes": minutes, "questions": Pace.of(self._session.log).questions_in(minutes)}
+                for minutes in MINUTES
+            ],
         }
+
+    def _in_prospect(self, found: Prospect) -> str:
+        """Return a sentence on what so many questions will likely prove."""
+        words, n = self._subject.words, found.sessions
+        if found.settled == n:
+            return f"In all of {n} simulated sessions the result was settled by then."
+        said = f"In {found.settled} of {n} simulated sessions the result was settled by then."
+        if 2 * found.settled > n or math.isnan(found.loss):
+            return said
+        most = in_unit(found.loss, words.unit, self._subject.labels, words.loss)
+        return printable(f"{said} In half of them it could lose at most as much as {most}.")
 
     def _before(self, loss: float) -> str:
         """Return a sentence on what could be lost before the first answer."""
@@ -218,6 +237,16 @@ class Drawing:
             "answers": shown,
             "choices": choices,
         }
+
+    def _left_by(self, after: Supposed) -> str:
+        """Return in a few words what a choice in a conflict would leave."""
+        kept = f"Keeps {after.used} of {after.of} answers"
+        loss = getattr(after.asker.result(), "loss_bound", None)
+        if not isinstance(loss, float) or math.isnan(loss):
+            return f"{kept}."
+        words = self._subject.words
+        most = in_unit(loss, words.unit, self._subject.labels, words.loss)
+        return printable(f"{kept}. The result could then lose as much as {most}.")
 
     def _as_shown(self, entry: Entry, name: str) -> dict[str, Any]:
         shown = self._as_put(entry)
@@ -385,6 +414,7 @@ class Drawing:
             "next": printable(after),
             "before": printable(found.before),
             "caution": caution,
+            "remarks": self._remarks() if subject.least else [],
             "settled": found.settled and caution is None and over,
             "more": left,
             "finished": over,
@@ -416,6 +446,11 @@ class Drawing:
             },
             "conflicts": self._conflicts(),
         }
+
+    def _remarks(self) -> list[str]:
+        """Return sentences on answers that came very fast, and on drift, as far as there were."""
+        log = [*self._session.log]
+        return [said for said in (Pace.of(log).remark(), Drift.of(log).remark()) if said]
 
     def _limits(self) -> list[str]:
         note = self._subject.words.note

@@ -10,7 +10,8 @@ screen to be drawn now:
 ``state``
     Nothing else.
 ``start``
-    The person leaves the welcome, perhaps with ``who`` and ``budget`` (a number of questions).
+    The person leaves the welcome, perhaps with ``who``, and ``budget`` (a number of questions) or
+    ``minutes``.
 ``practised``
     The practice question was answered, with ``choice``.
 ``answer``
@@ -27,6 +28,9 @@ screen to be drawn now:
     The person wants the result now.
 ``more``
     The person wants to go on after the end.
+``result``
+    Nothing else. The reply is the screen at the end, also if a question or a conflict waits.
+    Nothing changes.
 
 The other replies are:
 
@@ -34,6 +38,13 @@ The other replies are:
     ``id`` of the question, for the notes beside it. The reply has ``why`` (sentences), ``to_come``
     ([least, most], the number of questions after this one, or null) and ``ready`` (true if nothing
     will be added; until then ask again).
+``prospects``
+    What each budget of the welcome will likely prove. The reply has ``budgets`` (sentences, in the
+    order of the welcome's), ``settled`` (a sentence on how long it takes until nothing is left to
+    ask, or "") and ``ready`` (as of ``outlook``). It is empty as long as nothing is known.
+``consequences``
+    ``id`` of a conflict. The reply has ``choices`` (for each choice of it a sentence on what would
+    be left, as far as computed) and ``ready`` (as of ``outlook``).
 ``answers``
     The reply has ``answers``, oldest first, each with ``id``, ``number``, ``sentence``,
     ``shown`` (both sides in words), ``verdict``, ``time``, ``withdrawn``, ``used`` and ``repeat``,
@@ -58,7 +69,11 @@ A screen has these fields:
 ``open_conflicts``
     Number of answers that contradict others.
 ``budget``
-    Number of questions that the person planned, or null.
+    Number of questions that the person planned, or null. If they said how many minutes they have,
+    it is the number that fits into these at their pace.
+``time``
+    ``planned`` (minutes, or null), ``spent`` (seconds, without breaks) and ``pace`` (seconds a
+    question).
 ``last``
     ``id`` and ``sentence`` of the answer that undo takes back, or null.
 ``note``
@@ -69,7 +84,7 @@ A screen has these fields:
 The welcome has ``who`` (the name of the person, if it is known already, or ""), ``before`` (a
 sentence on what could be lost without an answer, or ""), ``purpose``,
 ``compare``, ``least`` (the fewest answers before it can be finished) and ``budgets``, each with
-``questions`` and ``label``.
+``minutes`` and ``questions``.
 
 A question has ``id``, ``number``, ``heading``, ``sentences``, ``sides`` (the names of A and B),
 ``of``, ``unit``, ``levels`` (k), ``labels``, ``icons`` (true if the counts of the rows are small
@@ -82,38 +97,42 @@ and ``label``. An offer has ``heading``, ``text`` and ``options``, each with ``o
 ``label``.
 
 The end has ``headline``, ``sure``, ``next``, ``before`` (texts), ``caution`` (a sentence on why the
-answers say little, or null), ``settled``, ``finished`` (false if a question waits), ``more`` (true
-if something is left to ask), ``open`` (the reason why there is no question though more could be
-asked, or null), ``scale`` (rows, best level first: ``label``, ``value``, ``low``, ``high``, from 0
-to 100, and ``asked``, false for a level that no answer is about), ``certainty`` (of the intervals),
-``statements``, ``changes`` (``title``, ``note``, ``columns``, ``rows``, or null), ``downloads``,
-``facts`` (pairs), ``limits``, ``counts`` and ``conflicts`` (lists of ``id``, ``number`` and
-``sentence``). ``counts`` has ``answered``, with ``equal``, ``cannot tell`` and ``unused`` among
-them; ``withdrawn``; and ``repeated``, the questions that were put again, which nothing else counts,
-with ``alike`` of them answered as before.
+answers say little, or null), ``remarks`` (sentences on answers that came very fast, and on repeats
+that differ more often in one half of the session), ``settled``, ``finished`` (false if a question
+waits), ``more`` (true if something is left to ask), ``open`` (the reason why there is no question
+though more could be asked, or null), ``scale`` (rows, best level first: ``label``, ``value``,
+``low``, ``high``, from 0 to 100, and ``asked``, false for a level that no answer is about),
+``certainty`` (of the intervals), ``statements``, ``changes`` (``title``, ``note``, ``columns``,
+``rows``, or null), ``downloads``, ``facts`` (pairs), ``limits``, ``counts`` and ``conflicts``
+(lists of ``id``, ``number`` and ``sentence``). ``counts`` has ``answered``, with ``equal``,
+``cannot tell`` and ``unused`` among them; ``withdrawn``; and ``repeated``, the questions that were
+put again, which nothing else counts, with ``alike`` of them answered as before.
 """
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import nullcontext
-from dataclasses import dataclass
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass, replace
 from inspect import signature
 from itertools import chain
 from typing import Any
 
 from elicit._support.closing import Closing
 from elicit.model.query import Answer, Query, Verdict
-from elicit.person.asker import AfterAnswer, Asker, Compares
+from elicit.person.asker import AfterAnswer, Asker, Compares, Supposed
 from elicit.person.background import Background
+from elicit.person.course.choices import CHOICES, Choices
 from elicit.person.course.conduct import ORDER, Conduct, differs
+from elicit.person.course.consequences import Consequences
 from elicit.person.course.further import LEVEL, level_question, order_question
+from elicit.person.course.pace import FEW_HASTY, Pace
 from elicit.person.course.repeats import LEAST_CHECKS
-from elicit.person.drawing import Drawing, shown_of
+from elicit.person.drawing import MINUTES, Drawing, shown_of
 from elicit.person.drawing import Subject as Subject
 from elicit.person.look_ahead import LookAhead
-from elicit.person.outlook import Outlook
+from elicit.person.outlook import Outlook, Prospects
 from elicit.person.session import Session
 from elicit.person.showing import (
     Shown,
@@ -172,15 +191,14 @@ class Interview(Drawing, Closing):
             session.check_regularly()
         self._background = Background()
         self._beside: _Beside | None = None
+        self._prospects: Prospects | None = None
+        self._pace = Pace()  # then: whoever does not hold the lock may not read the log
+        self._weighed: Consequences[Supposed] | None = None
         self._since: list[Verdict | None] = []  # verdicts since then
         self._needed = (0, 0)  # answers and checks that must still come after this question
-        self._stopped = False  # the person wants the result now
-        self._more = False  # the person wants more questions than needed
-        self._other = False  # the person wants another kind of question
-        self._budget: int | None = None
-        self._offered = 0  # number of answers at the last offer, which is not made again
-        self._heard = 0  # number of answers at the last caution
-        self._passed: set[frozenset[str]] = set()  # conflicts that are left as they are
+        # whoever resumes without an answer sees the welcome, and chooses anew
+        self._chosen = Choices.of(session.log.asked) if self._started else Choices()
+        self._kept = replace(self._chosen)  # as the log has them
         self._does: dict[str, Callable[..., dict[str, Any]]] = {
             "state": lambda: self._screen(),
             "start": self._begin,
@@ -191,12 +209,20 @@ class Interview(Drawing, Closing):
             "settle": self._settle,
             "choose": self._choose,
             "finish": self._finish,
+            "result": self._result,
             "more": self._go_on,
             "outlook": self._outlook,
+            "prospects": self._prospects_so_far,
+            "consequences": self._consequences,
             "answers": self._answers,
             "report": self._report,
             "download": self._download,
         }
+
+    @property
+    def _unlocked(self) -> tuple[Callable[..., dict[str, Any]], ...]:
+        """What only reads what a thread computes: nobody waits for it, nor it for anybody."""
+        return self._outlook, self._prospects_so_far, self._consequences
 
     def handle(self, message: Mapping[str, Any]) -> dict[str, Any]:
         """Return the reply to a message.
@@ -226,7 +252,7 @@ class Interview(Drawing, Closing):
             signature(does).bind(**parts)
         except TypeError:
             raise ValueError("the parts of this message are not those it should have") from None
-        with nullcontext() if does == self._outlook else self._lock:
+        with nullcontext() if does in self._unlocked else self._lock:
             return does(**parts)
 
     def close(self) -> None:
@@ -240,27 +266,11 @@ class Interview(Drawing, Closing):
         session, words = self._session, self._subject.words
         standing = [entry for entry in session.log if not entry.retracted]
         answered = sum(not entry.repeat for entry in standing)
-        last = standing[-1].answer if standing else None
-        screen: dict[str, Any] = {
-            "title": printable(words.title),
-            "preamble": printable(words.preamble),
-            "note_beside": printable(words.note),
-            "legend": self._legend(),
-            "stage": "welcome",
-            "answered": answered,
-            "open_conflicts": sum(CONTRADICTS in e.metadata and not e.used for e in standing),
-            "budget": self._budget,
-            "last": last and {"id": last.query.id, "sentence": self._sentence(standing[-1])},
-            "note": note,
-            "welcome": None,
-            "question": None,
-            "conflict": None,
-            "offer": None,
-            "end": None,
-        }
-        if not standing and not self._practised and not self._stopped:
+        screen = self._screen_of(standing, note)
+        if not standing and not self._practised and not self._chosen.stopped:
             if not self._started and session.question() is not None:
                 self.shown = None
+                self._foresee()
                 return {**screen, "welcome": self._welcome()}
             if session.question() is not None:
                 shown = practice(self._subject.labels, words, self._subject.of, self._subject.seed)
@@ -268,12 +278,16 @@ class Interview(Drawing, Closing):
                 self._background.start(self._first_question())
                 return {**screen, "stage": "practice", "question": self._drawn(shown, 0)}
         conduct = Conduct.of([*session.log])
-        caution = conduct.caution() if answered >= self._heard + _MORE_AFTER_CAUTION else None
+        caution = (
+            conduct.caution() if answered >= self._chosen.heard + _MORE_AFTER_CAUTION else None
+        )
         if conflict := self._conflict_now():
             self.shown = None
+            self._weigh(conflict)
             return {**screen, "stage": "conflict", "conflict": conflict}
-        if self._stopped or (caution and self._subject.least):
+        if self._chosen.stopped or (caution and self._subject.least):
             self.shown = None
+            self._keep()
             return {**screen, "stage": "end", "end": self._end(False)}
         if offer := self._offer(conduct):
             self.shown = None
@@ -284,9 +298,8 @@ class Interview(Drawing, Closing):
             self.shown = None
             # an answer to rounded numbers could make the statements at the end untrue
             return {**screen, "stage": "end", "end": self._end(shown_now is not None)}
-        if self._put != shown_now.id:
-            session.shown(shown_now.id, shown_now.swapped, shown=shown_now.record())
-            self._put = shown_now.id
+        if self._put != shown_now.id or self._chosen != self._kept:
+            self._log_shown(shown_now)
         self.shown = shown_now
         self._needed = self._still_needed(conduct)
         self._compute_beside(shown_now)
@@ -296,17 +309,92 @@ class Interview(Drawing, Closing):
             "question": self._drawn(shown_now, len(standing) + 1),
         }
 
+    def _screen_of(self, standing: Sequence[Entry], note: str | None) -> dict[str, Any]:
+        """Return the parts of a screen that do not depend on its stage."""
+        words = self._subject.words
+        last = standing[-1].answer if standing else None
+        pace = Pace.of(self._session.log)
+        return {
+            "title": printable(words.title),
+            "preamble": printable(words.preamble),
+            "note_beside": printable(words.note),
+            "legend": self._legend(),
+            "stage": "welcome",
+            "answered": sum(not entry.repeat for entry in standing),
+            "open_conflicts": sum(CONTRADICTS in e.metadata and not e.used for e in standing),
+            "budget": self._planned(),
+            "time": {"planned": self._chosen.minutes, "spent": pace.spent, "pace": pace.seconds},
+            "last": last and {"id": last.query.id, "sentence": self._sentence(standing[-1])},
+            "note": note,
+            "welcome": None,
+            "question": None,
+            "conflict": None,
+            "offer": None,
+            "end": None,
+        }
+
+    def _planned(self) -> int | None:
+        """Return the number of questions that the person planned, or has time for, or None."""
+        if self._chosen.minutes is None:
+            return self._chosen.budget
+        log = self._session.log
+        return Conduct.of([*log]).answered + Pace.of(log).questions_in(self._chosen.minutes)
+
+    def _foresee(self) -> None:
+        """Start to compute what each budget will likely prove."""
+        if self._prospects is None and (twin := self._session.twin()) is not None:
+            self._pace = pace = Pace.of(self._session.log)
+            numbers = [pace.questions_in(minutes) for minutes in MINUTES]
+            self._prospects = Prospects(twin, numbers, self._subject.seed, self._ends)
+            self._background.start(self._prospects.steps())
+
+    def _prospects_so_far(self) -> dict[str, Any]:
+        """Return what the budgets will likely prove, without taking the lock."""
+        now = self._prospects
+        if now is None:
+            return {"budgets": [], "settled": "", "ready": True}
+        # once somebody has started, the computation is given up
+        ready, length = now.ready or self._started, now.length()
+        settled = ""
+        if length is not None:
+            most = max(length, self._subject.least + LEAST_CHECKS)
+            settled = (
+                f"Half of the simulated sessions took at most {most} questions, about "
+                f"{_minutes(self._pace.minutes_for(most))}."
+            )
+        return {
+            "budgets": [self._in_prospect(found) for found in now.found()],
+            "settled": settled,
+            "ready": ready,
+        }
+
+    def _keep(self) -> None:
+        """Log the person's choices while no question is on the screen, with the one that waits."""
+        if self._chosen == self._kept:
+            return
+        query = self._session.question()
+        shown = None if query is None else self._shown(query)
+        if shown is not None and shown.exact:  # otherwise the end comes without a choice
+            with suppress(OSError):  # the result is shown all the same
+                self._log_shown(shown)
+
+    def _log_shown(self, shown: Shown) -> None:
+        """Log the question that is put now, and the person's choices if they changed."""
+        changed = {CHOICES: self._chosen.record()} if self._chosen != self._kept else {}
+        self._session.shown(shown.id, shown.swapped, shown=shown.record(), **changed)
+        self._put, self._kept = shown.id, replace(self._chosen)
+
     def _first_question(self) -> Iterator[None]:
         with self._lock:
             self._session.question()
         yield
 
-    def _begin(self, who: str = "", budget: str = "") -> dict[str, Any]:
-        self._started, self._stopped = True, False
+    def _begin(self, who: str = "", budget: str = "", minutes: str = "") -> dict[str, Any]:
+        self._started, self._chosen.stopped = True, False
         begun = any(not entry.retracted for entry in self._session.log)
         if who.strip() and self._session.log.who is None and not begun:
             self._session.stamp(printable(who.strip())[:_LONGEST_NAME])
-        self._budget = int(budget) if budget.isdecimal() and 0 < int(budget) < 10_000 else None
+        self._chosen.budget, self._chosen.minutes = _number(budget), _number(minutes)
         return self._screen()
 
     def _practise(self, choice: str) -> dict[str, Any]:
@@ -347,11 +435,19 @@ class Interview(Drawing, Closing):
         waits = self._session.next_told()
         self._session.answer(id, verdict, ahead=self._told_ahead)
         self._started = self._practised = True
-        self._stopped = False
+        self._chosen.stopped = False
         said = self._session.log[-1]
         if not said.repeat and (waits is None or waits.id != id):
             self._forget()  # there is another asker now
-        return self._screen()
+        return self._screen(self._about_haste())
+
+    def _about_haste(self) -> str | None:
+        """Return a remark on the first few answers that came very fast, once in a session."""
+        few = Pace.of(self._session.log).hasty < FEW_HASTY
+        if few or self._chosen.slowed or not self._subject.least:
+            return None
+        self._chosen.slowed = True
+        return "Some answers came in under a second. There is no hurry: take the time you need."
 
     def _instead(self, query: Query, answered: Callable[[Query], bool]) -> Query | None:
         """Return the query in place of the asker's: a check, another kind, or whole numbers."""
@@ -359,7 +455,7 @@ class Interview(Drawing, Closing):
         if self._subject.least and isinstance(asker, Compares):
             if (check := self._order_check(asker.comparator.k)) and not answered(check):
                 return check
-            if self._other:
+            if self._chosen.other:
                 other = level_question(
                     asker.comparator, self._subject.of, answered, mixed_with="neighbours"
                 )
@@ -382,9 +478,9 @@ class Interview(Drawing, Closing):
         conduct, start = Conduct.of([*self._session.log]), self._at_start()
         needed = start is not None and not start.finished
         few = needed and conduct.with_verdict < self._subject.least
-        if (self._more or few) and (found := self._level_question(few)) is not None:
+        if (self._chosen.more or few) and (found := self._level_question(few)) is not None:
             return found
-        return self._session.confirming() if needed or self._more else None
+        return self._session.confirming() if needed or self._chosen.more else None
 
     def _still_needed(self, conduct: Conduct) -> tuple[int, int]:
         """Return how many answers, and checks besides, must come after this question."""
@@ -396,7 +492,7 @@ class Interview(Drawing, Closing):
     def _offer(self, conduct: Conduct) -> dict[str, Any] | None:
         """Return what the person is offered before the next question, or None."""
         n = conduct.answered
-        if n <= self._offered or not self._subject.least:
+        if n <= self._chosen.offered or not self._subject.least:
             return None
         stop = {"option": "finish", "label": "Finish now and show the result"}
         if conduct.offers:
@@ -410,9 +506,13 @@ class Interview(Drawing, Closing):
                     stop,
                 ],
             }
-        if self._budget is not None and n >= self._budget and self._session.question() is not None:
+        planned, minutes = self._planned(), self._chosen.minutes
+        if planned is not None and n >= planned and self._session.question() is not None:
             return {
-                "heading": f"You planned {self._budget} questions, and answered {n}",
+                "heading": f"You planned {planned} questions, and answered {n}"
+                if minutes is None
+                else f"Your {_minutes(minutes)} {'is' if minutes == 1 else 'are'} over, and you "
+                f"answered {n} questions",
                 "text": "You can see the result now, or go on for a smaller uncertainty.",
                 "options": [stop, {"option": "on", "label": "Go on until it is settled"}],
             }
@@ -423,27 +523,32 @@ class Interview(Drawing, Closing):
             raise ValueError(f"option must be 'other', 'on' or 'finish', not {option[:40]!r}")
         if option == "finish":
             return self._finish()
-        self._offered = Conduct.of([*self._session.log]).answered
-        if self._budget is not None and self._offered >= self._budget:
-            self._budget = None
+        self._chosen.offered = Conduct.of([*self._session.log]).answered
+        planned = self._planned()
+        if planned is not None and self._chosen.offered >= planned:
+            self._chosen.budget = self._chosen.minutes = None
         if option == "other":
-            self._other = not self._other
+            self._chosen.other = not self._chosen.other
             self._forget()
         return self._screen()
 
     def _finish(self) -> dict[str, Any]:
-        self._stopped = True
+        self._chosen.stopped = True
         return self._screen()
+
+    def _result(self) -> dict[str, Any]:
+        screen = self._screen_of([e for e in self._session.log if not e.retracted], None)
+        return {**screen, "stage": "end", "end": self._end(False)}
 
     def _go_on(self) -> dict[str, Any]:
         conduct = Conduct.of([*self._session.log])
         self._started = self._practised = True
-        self._stopped = False
+        self._chosen.stopped = False
         if conduct.caution() is not None:
-            self._heard = conduct.answered
-        self._offered = conduct.answered
+            self._chosen.heard = conduct.answered
+        self._chosen.offered = conduct.answered
         if self._session.question() is None:
-            self._more = True
+            self._chosen.more = True
         return self._screen()
 
     def _conflict_now(self) -> dict[str, Any] | None:
@@ -463,7 +568,7 @@ class Interview(Drawing, Closing):
         return self._contradiction(among)
 
     def _is_passed(self, among: Sequence[Entry]) -> bool:
-        return frozenset(entry.answer.query.id for entry in among) in self._passed
+        return self._chosen.leaves(entry.answer.query.id for entry in among)
 
     def _settle(self, id: str, choice: str) -> dict[str, Any]:
         conflict = self._conflict_now()
@@ -476,12 +581,12 @@ class Interview(Drawing, Closing):
         self._forget()
         if choice == "later":
             among = self._session.contradiction()
-            self._passed.add(frozenset(entry.answer.query.id for entry in among))
+            self._chosen.leave(entry.answer.query.id for entry in among)
             return self._screen("Nothing was changed. You find this under “Your answers”.")
         if last.repeat:
             first = standing[last.metadata[REPEATS]]
             if choice == "first" and not self._session.makes_askers:
-                self._passed.add(frozenset((first.answer.query.id, id)))
+                self._chosen.leave((first.answer.query.id, id))
                 return self._screen("Your first answer stands.")
             meant = {
                 "first": first.answer.verdict,
@@ -493,7 +598,7 @@ class Interview(Drawing, Closing):
             return self._screen("Thank you. That is what counts from now on.")
         among = self._session.contradiction()
         if not self._session.makes_askers:
-            self._passed.add(frozenset(entry.answer.query.id for entry in among))
+            self._chosen.leave(entry.answer.query.id for entry in among)
             return self._screen("This program cannot take answers back.")
         if choice == "cannot tell":
             for entry in among:
@@ -501,6 +606,41 @@ class Interview(Drawing, Closing):
             return self._screen("Thank you. None of these answers is used.")
         self._session.withdraw(choice.removeprefix("withdraw:"))
         return self._screen("Thank you. The other answers stay.")
+
+    def _weigh(self, conflict: Mapping[str, Any]) -> None:
+        """Start to compute what each choice in a conflict would leave."""
+        session, id = self._session, str(conflict["id"])
+        if not session.makes_askers or (self._weighed and self._weighed.id == id):
+            return
+        last = next(e for e in reversed(session.log) if e.answer.query.id == id)
+        choices = [str(one["choice"]) for one in conflict["choices"]]
+        suppose: dict[str, Callable[[], Supposed]] = {}
+        if last.repeat:
+            first = str(last.metadata[REPEATS])
+            meant = {"second": last.answer.verdict, "equal": Verdict.EQUAL, "cannot tell": None}
+            suppose = {
+                choice: session.supposing([first], [replace(last.answer, verdict=meant[choice])])
+                if choice in meant
+                else session.supposing([])
+                for choice in choices
+            }
+        else:
+            among = [entry.answer.query.id for entry in session.contradiction()]
+            without = {"cannot tell": among, "later": []}
+            suppose = {
+                choice: session.supposing(without.get(choice, [choice.removeprefix("withdraw:")]))
+                for choice in choices
+            }
+        self._weighed = Consequences(id, suppose, self._left_by)
+        self._background.start(self._weighed.steps())
+
+    def _consequences(self, id: str) -> dict[str, Any]:
+        """Return what the choices of a conflict would leave, without taking the lock."""
+        now = self._weighed
+        if now is None or now.id != id:
+            return {"id": id, "choices": {}, "ready": True}
+        ready = now.ready  # read first: whatever is there by then stays
+        return {"id": id, "choices": now.found(), "ready": ready}
 
     def _compute_beside(self, shown: Shown) -> None:
         """Start the computations beside a question, which is on the screen now."""
@@ -544,7 +684,7 @@ class Interview(Drawing, Closing):
 
     def _forget(self) -> None:
         """Discard what was shown and computed."""
-        self._put = self._beside = None
+        self._put = self._beside = self._weighed = None
         self._since = []
         self._background.stop()
 
@@ -555,7 +695,7 @@ class Interview(Drawing, Closing):
                 "Nothing was taken back, because that is no longer the last answer."
             )
         self._forget()
-        self._stopped = False
+        self._chosen.stopped = False
         self._session.undo()
         return self._screen("Taken back.")
 
@@ -576,7 +716,7 @@ class Interview(Drawing, Closing):
         now = self._beside
         outlook = now.outlook if now is not None and now.shown == id else None
         if outlook is None:
-            why = [_FURTHER] if id.startswith(LEVEL) and not self._more else []
+            why = [_FURTHER] if id.startswith(LEVEL) and not self._chosen.more else []
             return {"id": id, "why": why, "to_come": None, "ready": True}
         ready = outlook.ready  # read first: whatever is there by then stays
         answers, checks = self._needed
@@ -586,6 +726,15 @@ class Interview(Drawing, Closing):
             else [max(answers, number) + checks for number in outlook.to_come]
         )
         return {"id": id, "why": [*outlook.why], "to_come": to_come, "ready": ready}
+
+
+def _number(text: str) -> int | None:
+    """Return a planned number of questions or minutes, or None if there is none."""
+    return int(text) if text.isdecimal() and len(text) < 5 and int(text) > 0 else None
+
+
+def _minutes(n: int) -> str:
+    return "1 minute" if n == 1 else f"{n} minutes"
 
 
 def _in_whole_numbers(

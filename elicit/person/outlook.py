@@ -1,10 +1,11 @@
-"""Notes beside a question: the reason why it is asked, and the number of questions to come."""
+"""Notes beside a question (why it is asked, how many are to come) and the welcome's prospects."""
 
 from __future__ import annotations
 
 import copy
+import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,6 +18,7 @@ from elicit.model.difference import tail_sums
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats
 from elicit.person.asker import Asker, Compares, tell
+from elicit.person.course.repeats import LEAST_CHECKS
 from elicit.person.showing import Shown, printable
 from elicit.tutors.erring_tutor import says_left
 
@@ -27,6 +29,10 @@ _FEWEST = 4  # least number of sessions to make a range of
 _FEWEST_SO_FAR = 5  # least number while others are still played
 _SECONDS = 15.0  # time limit of all this, except for a last step
 _LONGEST = 60  # largest number of questions that are played
+_RUNS = 12  # simulated sessions at most
+_FEWEST_RUNS = 4  # sessions that are worth a sentence
+_SECONDS_OF_PROSPECTS = 60.0  # time limit of all of them, except for a last step
+_CHECKS = 5  # one question in so many is a check, which proves nothing new, but at least four are
 _NO_DIFFERENCE = 1e-12
 
 
@@ -147,18 +153,9 @@ class Outlook:
     def _all_plays(self, known: Comparator | None) -> Iterator[_Play]:
         """Return the simulated sessions that go on, and new ones with plausible tutors."""
         yield from tuple(self._plays)
-        draws = None if known is None else draws_in(known)
-        if known is None or draws is None:
-            return
-        gaps, weights, precision = draws
-        lapse, key = lapse_of(known), fold(key_of(self._seed), name_code(self._pending.id))
-        for number in range(len(self._plays), _PLAYS):
-            chance = np.random.default_rng([int(key), number])
-            one = int(chance.choice(len(weights), p=weights / weights.sum()))
-            play = _Play(
-                copy.deepcopy(self._twin),
-                _tutor(gaps[:, one], precision[one : one + 1], lapse, chance),
-            )
+        numbers = range(len(self._plays), _PLAYS)
+        for says in plausible_tutors(known, self._seed, self._pending.id, numbers):
+            play = _Play(copy.deepcopy(self._twin), says)
             self._plays.append(play)
             yield play
 
@@ -176,6 +173,32 @@ class Outlook:
         played = sorted(len(play.answers) for play in self._plays if play.over)
         if len(played) >= fewest:
             self.to_come = played[0] - self._counted, played[-2] - self._counted
+
+
+def plausible_tutors(
+    known: Comparator | None, seed: int, name: str, numbers: Iterable[int]
+) -> Iterator[Callable[[Query], Verdict]]:
+    """Return simulated tutors whose scales are plausible by a comparator.
+
+    Parameters
+    ----------
+    known : Comparator or None
+        There is no tutor if it is None, or has no draws.
+    seed : int
+    name : str
+        The purpose of the tutors, which gives other ones by the same seed.
+    numbers : iterable of int
+        The same number gives the same tutor again.
+    """
+    draws = None if known is None else draws_in(known)
+    if known is None or draws is None:
+        return
+    gaps, weights, precision = draws
+    lapse, key = lapse_of(known), fold(key_of(seed), name_code(name))
+    for number in numbers:
+        chance = np.random.default_rng([int(key), number])
+        one = int(chance.choice(len(weights), p=weights / weights.sum()))
+        yield _tutor(gaps[:, one], precision[one : one + 1], lapse, chance)
 
 
 def _tutor(
@@ -252,3 +275,113 @@ def _place(comparator: Comparator, low: int, level: int, high: int) -> tuple[int
     least, most = bounds_of(comparator, d)
     above, below = np.flatnonzero(least >= -1e-9), np.flatnonzero(most <= 1e-9)
     return int(above.max(initial=0)), int(below.min(initial=100))
+
+
+@dataclass(frozen=True)
+class Prospect:
+    """Outcomes of simulated sessions that end after so many questions.
+
+    Attributes
+    ----------
+    questions : int
+        The questions, checks among them.
+    sessions : int
+        Number of simulated sessions.
+    settled : int
+        Sessions in which nothing was left to ask by then.
+    loss : float
+        Median of what could still be lost, a share of the value range. It is nan if unknown.
+    """
+
+    questions: int
+    sessions: int
+    settled: int
+    loss: float
+
+
+class Prospects:
+    """What so many questions will likely prove. One thread may compute it while others read.
+
+    Parameters
+    ----------
+    twin : Asker
+        A copy of the asker before its first answer. It is not changed.
+    questions : sequence of int
+        Numbers of questions, ascending.
+    seed : int
+        Seed of the simulations.
+    ends : callable
+        Returns whether a session ends in front of a query.
+    """
+
+    def __init__(
+        self, twin: Asker, questions: Sequence[int], seed: int, ends: Callable[..., bool]
+    ) -> None:
+        self._twin, self._questions, self._seed, self._ends = twin, tuple(questions), seed, ends
+        self._losses: list[list[float]] = []  # of each session, after each number of questions
+        self._lengths: list[int] = []
+        self.ready = False
+        """True if nothing will be added."""
+
+    def steps(self) -> Iterator[None]:
+        """Compute in steps, of one simulated answer each."""
+        try:
+            until = time.monotonic() + _SECONDS_OF_PROSPECTS
+            known = self._twin.comparator if isinstance(self._twin, Compares) else None
+            for says in plausible_tutors(known, self._seed, "prospects", range(_RUNS)):
+                asker, asked, losses = copy.deepcopy(self._twin), 0, []
+                for budget in self._questions:
+                    while asked < _proving(budget):
+                        query = next(iter(asker.ask()), None)
+                        if query is None or self._ends(query):
+                            break
+                        tell(asker, Answer(query, says(query)))
+                        asked += 1
+                        yield
+                        if time.monotonic() > until:
+                            return
+                    losses.append(_loss_of(asker))
+                    yield
+                self._losses.append(losses)
+                self._lengths.append(asked)
+        finally:
+            self.ready = True
+
+    def found(self) -> list[Prospect]:
+        """Return what is known by now, for each number of questions; empty if it is too little."""
+        lengths, losses = [*self._lengths], [*self._losses]
+        n = len(lengths)
+        if n < _FEWEST_RUNS:
+            return []
+        return [
+            Prospect(
+                budget,
+                n,
+                sum(length < _proving(budget) for length in lengths),
+                sorted(one[i] for one in losses[:n])[n // 2],
+            )
+            for i, budget in enumerate(self._questions)
+        ]
+
+    def length(self) -> int | None:
+        """Return how many questions, checks among them, suffice in half of the sessions, or None.
+
+        None if too few sessions were simulated, or half of them did not end.
+        """
+        lengths = sorted(self._lengths)
+        if len(lengths) < _FEWEST_RUNS:
+            return None
+        half = lengths[len(lengths) // 2]
+        if half >= _proving(self._questions[-1]):
+            return None
+        return half + max(LEAST_CHECKS, half // (_CHECKS - 1))
+
+
+def _proving(questions: int) -> int:
+    """Return how many of so many questions are no checks."""
+    return max(0, questions - max(LEAST_CHECKS, questions // _CHECKS))
+
+
+def _loss_of(asker: Asker) -> float:
+    loss = getattr(copy.deepcopy(asker).result(), "loss_bound", math.nan)
+    return float(loss) if isinstance(loss, int | float) else math.nan

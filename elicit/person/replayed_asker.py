@@ -7,13 +7,13 @@ of the log, for example with another comparator, and where an answer is withdraw
 followed. It then knows the earlier answers from the start (``known=``).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from inspect import Parameter, signature
 from typing import Any, NamedTuple
 
 from elicit.model.query import Answer, InconsistentAnswers
-from elicit.person.asker import AfterAnswer, Asker, MakeAsker, counts, tell
+from elicit.person.asker import AfterAnswer, Asker, MakeAsker, Supposed, counts, tell
 from elicit.tutors.answer_log import CONTRADICTS, WHO, AnswerLog, Entry
 
 _ANY_NUMBER = Parameter.VAR_POSITIONAL  # of arguments
@@ -253,6 +253,40 @@ class ReplayedAsker:
         That is marked in the log.
         """
         before = [entry for entry in self._log if not entry.retracted and not entry.repeat]
+        asker, known, contradicts = self._knowing(before)
+        for i, (was, entry) in enumerate(zip(before, known, strict=True)):
+            if was.used and not entry.used:
+                self._mark_unused(entry.answer.query.id, contradicts[i])
+            elif entry.used and not was.used:
+                self._log.mark_used(entry.answer.query.id)
+        self._log.mark_restart(**self._stamp())
+        return asker
+
+    def supposing(
+        self, without: Collection[str], meant: Sequence[Answer]
+    ) -> Callable[[], Supposed]:
+        """Return a function that makes the asker that would know other answers.
+
+        The log as it is now counts, without the answers of some ids, and with others that are
+        meant. Nothing changes. Another thread may call the function.
+        """
+        standing = [entry for entry in self._log if not entry.retracted and not entry.repeat]
+        n = sum(entry.answer.verdict is not None for entry in standing)
+        before = [entry for entry in standing if entry.answer.query.id not in without]
+        before += [Entry(answer) for answer in meant]
+
+        def make() -> Supposed:
+            asker, known, _ = self._knowing(before)
+            used = sum(entry.used and entry.answer.verdict is not None for entry in known)
+            return Supposed(asker, used, n)
+
+        return make
+
+    def _knowing(self, before: list[Entry]) -> tuple[Asker, list[Entry], dict[int, list[str]]]:
+        """Return an asker that knows these entries, except those that contradict the rest.
+
+        Also the entries with what is used of them, and the ids that the others contradict.
+        """
         known = [replace(entry, used=True) if counts(entry) else entry for entry in before]
         contradicts: dict[int, list[str]] = {}
         while True:
@@ -270,13 +304,7 @@ class ReplayedAsker:
                 if last is None:
                     raise
                 known[last], contradicts[last] = replace(known[last], used=False), names
-        for i, (was, entry) in enumerate(zip(before, known, strict=True)):
-            if was.used and not entry.used:
-                self._mark_unused(entry.answer.query.id, contradicts[i])
-            elif entry.used and not was.used:
-                self._log.mark_used(entry.answer.query.id)
-        self._log.mark_restart(**self._stamp())
-        return asker
+        return asker, known, contradicts
 
     def _made(self, known: list[Entry]) -> Asker:
         assert self._make is not None

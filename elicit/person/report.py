@@ -155,8 +155,9 @@ def _headline(end: Mapping[str, Any]) -> Iterator[str]:
     """Return the conclusion: what was found, how sure it is, and what could be lost before."""
     if end.get("headline"):
         yield f'<p class="headline">{_text(end["headline"])}</p>'
-    if end.get("caution"):
-        yield f'<p class="caution">{_text(end["caution"])}</p>'
+    for said in (end.get("caution"), *end.get("remarks", ())):
+        if said:
+            yield f'<p class="caution">{_text(said)}</p>'
     for name in ("sure", "before", "next"):
         if end.get(name):
             yield f"<p>{_text(end[name])}</p>"

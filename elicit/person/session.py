@@ -9,7 +9,7 @@ and ``answer``. The log alone says where the session stands (``elicit.person.rep
 import copy
 import secrets
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from os import PathLike
@@ -22,7 +22,16 @@ from elicit._support.validation import is_number, require
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import tie_of
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
-from elicit.person.asker import AfterAnswer, Asker, Audits, Compares, MakeAsker, counts, last_answer
+from elicit.person.asker import (
+    AfterAnswer,
+    Asker,
+    Audits,
+    Compares,
+    MakeAsker,
+    Supposed,
+    counts,
+    last_answer,
+)
 from elicit.person.course.conduct import SETTLED, differs, repeats_in
 from elicit.person.course.repeats import Repeats
 from elicit.person.replayed_asker import ReplayedAsker
@@ -403,6 +412,29 @@ class Session(Closing):
             self._replayed.exchange(first.answer.query.id, told, meant)
         self._log.retract(id, **told)
         self._put_at.clear()
+
+    def supposing(
+        self, without: Collection[str], meant: Sequence[Answer] = ()
+    ) -> Callable[[], Supposed]:
+        """Return a function that says where the session would stand with other answers.
+
+        Nothing changes. Another thread may call the function, which may take a second.
+
+        Parameters
+        ----------
+        without : collection of str
+            Ids of answers that would be taken back.
+        meant : sequence of Answer
+            Answers that would stand besides.
+
+        Raises
+        ------
+        ValueError
+            If the session was given an asker in place of a function that makes one.
+        """
+        if not self.makes_askers:
+            raise ValueError("to suppose other answers the session must make a new asker")
+        return self._replayed.supposing(without, meant)
 
     def conflicts(self) -> tuple[tuple[Entry, ...], ...]:
         """Return sets of answers that contradict each other, whatever the scale.

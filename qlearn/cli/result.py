@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from elicit import Interview
 
 _WIDTH = 80
-_MOST_CONFLICTS = 1000  # that may wait one after the other
 _NO_RECIPE = (
     "{} does not say which problem its answers are about: name it with --problem, as for qlearn "
     "teach"
@@ -79,7 +78,7 @@ def run(
                 Session(taught.make, kept, seed=recipe.get("seed", 0)) as session,
                 Interview(session, taught.subject) as interview,
             ):
-                say_report(_end(interview), _WIDTH)
+                say_report(interview.handle({"do": "result"}), _WIDTH)
                 if out is not None:
                     _write(interview, out)
     except BrokenPipeError:  # which ends the command quietly
@@ -87,20 +86,6 @@ def run(
     except (ImportError, ValueError, OSError) as error:
         return fail(str(error))
     return 0
-
-
-def _end(interview: Interview) -> dict[str, Any]:
-    """Return the screen at the end, past a check of answers that may be waiting."""
-    screen = interview.handle({"do": "finish"})
-    for _ in range(_MOST_CONFLICTS):
-        if screen["end"] is not None:
-            break
-        found = screen["conflict"]
-        offered = [choice["choice"] for choice in found["choices"]]
-        choice = "later" if "later" in offered else "first"
-        interview.handle({"do": "settle", "id": found["id"], "choice": choice})
-        screen = interview.handle({"do": "finish"})
-    return screen
 
 
 def _write(interview: Interview, out: Path) -> None:

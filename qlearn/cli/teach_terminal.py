@@ -297,7 +297,8 @@ def report_lines(screen: dict[str, Any], width: int) -> list[str]:
         lines.append(
             f"{counts['alike']} of {counts['repeated']} repeated {questions} answered as before."
         )
-    said = (end["headline"], end["caution"], end["sure"], end["before"], end["next"])
+    cautions = (end["caution"], *end["remarks"])
+    said = (end["headline"], *cautions, end["sure"], end["before"], end["next"])
     lines += [sentence for sentence in said if sentence]
     if end["scale"]:
         rows = [ScaleRow(**row) for row in end["scale"]]

@@ -1,10 +1,11 @@
 """What is no message changes nothing."""
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
-from elicit import AnswerLog, PolytopeComparator, Session, choose
+from elicit import AnswerLog, PolytopeComparator, Session, Verdict, choose
 from elicit.person.interview import Interview, Subject
 
 
@@ -67,6 +68,34 @@ def test_an_asker_that_was_given_ends_with_its_last_question() -> None:
         assert screen["stage"] == "end"
         assert not screen["end"]["more"]
         assert interview.handle({"do": "more"})["stage"] == "end"
+
+
+def test_what_a_session_would_know_with_other_answers() -> None:
+    log = AnswerLog()
+    with Session(choosing, log) as session:
+        while query := session.question():
+            session.answer(query.id, 1)
+        said = [entry.answer for entry in log]
+        as_it_is = session.supposing([])()
+        assert (as_it_is.used, as_it_is.of) == (len(said), len(said))
+        assert as_it_is.asker.result().best == session.result().best
+        size = len(log)
+        less = session.supposing([said[-1].query.id])()
+        assert (less.used, less.of) == (len(said) - 1, len(said))
+        other = replace(said[-1], verdict=Verdict.WORSE)
+        both = session.supposing([], [other])()
+        assert both.used == len(said)  # of two that contradict each other the later is dropped
+        turned = session.supposing([said[-1].query.id], [other])()
+        assert turned.used == len(said)
+        assert len(log) == size
+        assert not any(entry.retracted for entry in log)
+        session.withdraw(said[-1].query.id)
+        assert less.asker.result().answers.ids == session.result().answers.ids
+    with (
+        Session(choosing(()), AnswerLog()) as session,
+        pytest.raises(ValueError, match="must make a new asker"),
+    ):
+        session.supposing([])
 
 
 def test_a_budget_that_is_no_number_is_none() -> None:

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import random
 import re
+import time
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
-from elicit import AnswerLog, Interview, Session
+from elicit import AnswerLog, Bags, Interview, Session
+from elicit.person.course.conclusion import per_hundred
 from elicit.person.course.conduct import ORDER
-from qlearn import policy_loss, random_mdp
+from elicit.person.outlook import Prospects
+from qlearn import expected_bounds, policy_loss, random_mdp
 from qlearn.cli.teach_subjects import Taught, taught_by
 from tests.thoroughness import quick_first, scaled
 
@@ -229,7 +232,7 @@ def test_another_answer_to_the_same_question_is_brought_up_at_once_and_learned()
             told_other = {"do": "answer", "id": question["id"], "choice": other}
             person.screen = interview.handle(told_other)
             assert person.screen["stage"] == "conflict"
-            assert interview.handle({"do": "state"}) == person.screen
+            assert interview.handle({"do": "state"}) == {**person.screen, "note": None}
             assert [one["name"] for one in person.screen["conflict"]["answers"]] == [
                 "Before",
                 "Now",
@@ -292,7 +295,7 @@ def test_after_three_cannot_tell_there_is_an_offer_and_another_kind_of_question(
             "finish",
         ]
         assert person.stages.count("question") == 3
-        assert interview.handle({"do": "state"}) == screen
+        assert interview.handle({"do": "state"}) == {**screen, "note": None}
         person.step()
         assert person.screen["question"]["id"].startswith("level/")
         end = interview.handle({"do": "finish"})["end"]
@@ -382,3 +385,182 @@ def test_downloads_are_those_of_the_screens() -> None:
         for wrong in ({"what": "log", "format": "csv"}, {"what": "scale", "format": "xml"}):
             with pytest.raises(ValueError, match="what is scale"):
                 interview.handle({"do": "download", **wrong})
+
+
+def test_what_the_person_chose_is_known_after_a_restart(tmp_path: Any) -> None:
+    told, path = taught(), tmp_path / "log.jsonl"
+    honest = truthful(np.array([0, 0.2, 0.45, 0.7, 1.0]))
+
+    def resumed(*messages: dict[str, str], steps: int = 0) -> dict[str, Any]:
+        """The screen after these messages and steps, in a new program."""
+        with (
+            Session(told.make, path, audit=0.1) as session,
+            Interview(session, told.subject) as interview,
+        ):
+            person = Person(interview, honest)
+            for message in messages:
+                person.screen = interview.handle(message)
+            for _ in range(steps):
+                person.step()
+            return person.screen
+
+    screen = resumed({"do": "start", "budget": "3"}, {"do": "practised", "choice": "a"}, steps=2)
+    assert resumed()["budget"] == 3
+    screen = resumed(steps=1)
+    while screen["stage"] != "offer":
+        screen = resumed(steps=1)
+    assert resumed() == {**screen, "note": None}
+    screen = resumed({"do": "choose", "option": "on"})
+    assert screen["stage"] == "question"
+    again = resumed()
+    assert (again["stage"], again["budget"]) == ("question", None)
+    assert again["question"] == screen["question"]
+    end = resumed({"do": "finish"})
+    assert resumed() == end
+    size = path.stat().st_size
+    assert resumed({"do": "result"}) == end
+    assert path.stat().st_size == size
+    assert resumed({"do": "more"})["stage"] == "question"
+    assert resumed()["stage"] == "question"
+    stands = {entry.answer.query.id for entry in AnswerLog.read(path) if not entry.repeat}
+    assert len(stands) == again["answered"]
+
+
+def test_minutes_are_counted_in_questions_at_the_persons_own_pace() -> None:
+    told, log = taught(), AnswerLog()
+    honest = truthful(np.array([0, 0.2, 0.45, 0.7, 1.0]))
+    with (
+        Session(told.make, log, audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        budgets = interview.handle({"do": "state"})["welcome"]["budgets"]
+        assert budgets[0] == {"minutes": 5, "questions": 15}
+        screen = interview.handle({"do": "start", "minutes": "1"})
+        assert (screen["budget"], screen["time"]["planned"]) == (3, 1)
+        person = Person(interview, honest)
+        person.until("question")
+        said = log.append
+
+        def slowly(answer: Any, used: bool = True, **metadata: Any) -> None:
+            said(answer, used, **{**metadata, "latency": 25.0})
+
+        log.append = slowly  # type: ignore[method-assign]
+        screen = person.until("offer", MOST)
+        assert person.stages.count("question") == 2  # 50 of 60 seconds are spent
+        assert screen["offer"]["heading"].startswith("Your 1 minute is over, and you answered ")
+        person.step()
+        assert person.screen["budget"] is None
+        person.step()
+        assert person.screen["time"] == {"planned": None, "spent": 75.0, "pace": 25.0}
+        assert person.until("end", MOST)["end"]["settled"]
+
+
+def test_fast_answers_are_said_once_and_at_the_end() -> None:
+    told = taught()
+    with (
+        Session(told.make, AnswerLog(), audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        person = Person(interview, truthful(np.array([0, 0.2, 0.45, 0.7, 1.0])))
+        notes = []
+        while person.screen["stage"] != "end":
+            person.step()  # at once
+            notes.append(person.screen["note"])
+        assert sum("under a second" in str(note) for note in notes) == 1
+        end = person.screen["end"]
+        assert end["settled"]  # a remark, no verdict
+        assert [said.split(" came ")[1] for said in end["remarks"]] == [
+            "in under a second, which is hardly enough to read a question."
+        ]
+        assert end["remarks"][0] in interview.handle({"do": "report"})["html"]
+
+
+def test_the_welcome_says_what_each_budget_will_likely_prove() -> None:
+    told = taught()
+    with (
+        Session(told.make, AnswerLog(), audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        interview.handle({"do": "state"})
+        until = time.monotonic() + 100
+        while not (found := interview.handle({"do": "prospects"}))["ready"]:
+            assert time.monotonic() < until
+            time.sleep(0.05)
+        assert len(found["budgets"]) == 3
+        assert all("simulated sessions the result was settled" in said for said in found["budgets"])
+        assert re.fullmatch(
+            r"Half of the simulated sessions took at most \d+ questions, about \d+ minutes?\.",
+            found["settled"],
+        )
+
+
+def test_prospects_agree_with_expected_bounds() -> None:
+    told = taught(tolerance=0.001)
+    with Session(told.make, AnswerLog()) as session:
+        asker = session.current_asker()
+        found = Prospects(asker, [7, 9, 40], 0, lambda _: False)
+        for _ in found.steps():
+            pass
+    few, more, all_ = found.found()
+    assert few.settled <= more.settled <= all_.settled
+    assert few.loss >= more.loss >= all_.loss
+    for prospect, questions in ((few, 3), (more, 5)):  # besides the checks
+        bounds = expected_bounds(
+            MDP, asker.comparator, questions, runs=12, seed=1, tolerance=0.001, bags=Bags(days=10)
+        )
+        assert bounds.least <= prospect.loss <= bounds.most
+
+
+@pytest.mark.parametrize("choice", range(4))
+def test_each_choice_of_a_conflict_says_what_it_leaves(choice: int) -> None:
+    told, log = taught(), AnswerLog()
+    honest = truthful(np.array([0, 0.2, 0.45, 0.7, 1.0]))
+    with (
+        Session(told.make, log, audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        person = Person(interview, honest)
+        while person.screen["stage"] != "question" or not session.is_repeat(
+            person.screen["question"]["id"]
+        ):
+            person.step()
+        question = person.screen["question"]
+        other = {"a": "b", "b": "a"}[honest(question)]
+        screen = interview.handle({"do": "answer", "id": question["id"], "choice": other})
+        conflict, size = screen["conflict"], len(log)
+        ask = {"do": "consequences", "id": conflict["id"]}
+        until = time.monotonic() + 60
+        while not (left := interview.handle(ask))["ready"]:
+            assert time.monotonic() < until
+            time.sleep(0.02)
+        assert len(log) == size  # nothing was changed
+        choices = [one["choice"] for one in conflict["choices"]]
+        assert [*left["choices"]] == choices == ["first", "second", "equal", "cannot tell"]
+        n = sum(not e.retracted and not e.repeat for e in log)
+        said = left["choices"][choices[choice]]
+        interview.handle({"do": "settle", "id": conflict["id"], "choice": choices[choice]})
+        used = sum(e.used and e.answer.verdict is not None for e in log)
+        most = per_hundred(session.result().loss_bound)
+        assert said.startswith(
+            f"Keeps {used} of {n} answers. The result could then lose as much as {most} "
+        )
+        assert not interview.handle(ask)["choices"]
+
+
+def test_the_result_is_shown_while_a_conflict_waits() -> None:
+    told, log = taught(), AnswerLog()
+    honest = truthful(np.array([0, 0.2, 0.45, 0.7, 1.0]))
+
+    def says(question: dict[str, Any]) -> str:
+        choice = honest(question)
+        return {"a": "b", "b": "a"}[choice] if question["id"].startswith(ORDER) else choice
+
+    with (
+        Session(told.make, log, audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        screen = Person(interview, says).until("conflict", MOST)
+        result = interview.handle({"do": "result"})
+        assert result["stage"] == "end"
+        assert result["end"]["counts"]["answered"] == screen["answered"]
+        assert interview.handle({"do": "state"}) == {**screen, "note": None}

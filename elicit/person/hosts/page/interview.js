@@ -5,7 +5,6 @@ const UNTOUCHED = 250; // ms after something is drawn in which no button works: 
 const SLOW = 400; // ms after which a wait is put into words
 const AGAIN = 1000; // ms between two looks at what is computed beside a question
 const KEYS = { ArrowLeft: "a", a: "a", ArrowRight: "b", b: "b", ArrowDown: "equal", "?": "cannot tell" };
-const SECONDS = 20; // that a question takes, until the person's own pace is known
 // from the worst level to the best; orange and blue, which nearly everybody tells apart
 const COLOURS = [[127, 39, 4], [217, 95, 14], [254, 196, 79], [198, 219, 239], [107, 174, 214], [8, 81, 156]];
 const NUMBERS = ["no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"];
@@ -31,9 +30,6 @@ export function mount(root, send, options = {}) {
   let untouched = 0; // a timer
   let letters = remembered(); // whether single letters answer
   let expected = null; // questions in all, as it looked last
-  let asked = 0; // questions answered in this window, and the seconds that they took, for the time left
-  let took = 0;
-  let since = 0;
 
   const banner = part("div", "banner", { role: "alert" });
   const brand = part("div", "brand");
@@ -94,8 +90,6 @@ export function mount(root, send, options = {}) {
   function answer(choice, words) {
     if (screen.stage === "practice") return show({ do: "practised", choice });
     body.querySelector(`[data-choice="${choice}"]`)?.closest(".card, .alt")?.classList.add("chosen");
-    const seconds = (Date.now() - since) / 1000;
-    if (seconds < 300) [asked, took] = [asked + 1, took + seconds];
     const lost = `Your answer (${words}) has not been saved yet.`;
     return show({ do: "answer", id: screen.question.id, choice }, lost);
   }
@@ -150,15 +144,13 @@ export function mount(root, send, options = {}) {
     else draw(root.contains(document.activeElement));
   }
 
-  // What is computed beside a question, until all of it is there.
-  async function follow() {
+  // What is computed beside a question or the welcome, until all of it is there.
+  async function follow(message, drawn) {
     const mine = ++following;
-    const id = screen.question.id;
     for (;;) {
-      const reply = await send({ do: "outlook", id }).catch(() => null);
+      const reply = await send(message).catch(() => null);
       if (mine !== following || !reply) return;
-      beside = reply;
-      drawBeside();
+      drawn(reply);
       if (reply.ready) return;
       await new Promise((done) => setTimeout(done, AGAIN));
       if (mine !== following) return;
@@ -169,7 +161,6 @@ export function mount(root, send, options = {}) {
 
   function draw(moved) {
     following += 1;
-    since = Date.now();
     brand.replaceChildren(part("b", "", {}, [screen.title || "Your judgement"]));
     if (screen.title) brand.append(part("span", "soft", {}, ["your judgement"]));
     const stages = { welcome, practice: question, question, conflict: settling, offer, end };
@@ -187,7 +178,11 @@ export function mount(root, send, options = {}) {
     clearTimeout(untouched);
     untouched = setTimeout(() => enable(true), UNTOUCHED);
     beside = null;
-    if (view === "stage" && screen.stage === "question") follow();
+    if (view === "stage" && screen.stage === "question") follow({ do: "outlook", id: screen.question.id }, drawBeside);
+    if (view === "stage" && screen.stage === "conflict") {
+      follow({ do: "consequences", id: screen.conflict.id }, drawConsequences);
+    }
+    if (view === "stage" && screen.stage === "welcome") follow({ do: "prospects" }, drawProspects);
     // a screen reader reads the new heading; what is only opened does not take the place of what else is there
     if (moved && drawn) {
       heading.focus({ preventScroll: true });
@@ -200,8 +195,8 @@ export function mount(root, send, options = {}) {
   function fill(most) {
     const done = screen.answered;
     if (most !== null) expected = done + 1 + most;
-    const all = screen.budget ?? expected;
-    bar.firstChild.style.width = screen.stage === "end" ? "100%" : all ? `${Math.min(100, (100 * done) / all)}%` : "0";
+    const all = Math.min(screen.budget ?? Infinity, expected ?? Infinity);
+    bar.firstChild.style.width = screen.stage === "end" ? "100%" : all < Infinity ? `${Math.min(100, (100 * done) / all)}%` : "0";
     bar.hidden = ["welcome", "practice"].includes(screen.stage);
   }
 
@@ -268,16 +263,18 @@ export function mount(root, send, options = {}) {
     const who = part("input", "field", { type: "text", id: "elicit-who", maxlength: "80", autocomplete: "off" });
     who.value = known;
     who.disabled = Boolean(known); // the log is this person's
-    const choices = [...budgets.map(({ questions, label }) => [`${questions}`, `${questions} questions`, label])];
+    const choices = budgets.map((one) => [`${one.minutes}`, `${one.minutes} minutes`, `About ${one.questions} questions`]);
     choices.push(["", "Until the result is settled", "You can stop at any time"]);
     const radios = choices.map(([value, words, label], i) => {
       const input = part("input", "", { type: "radio", name: "elicit-budget", value });
       input.checked = i === choices.length - 1;
-      return part("label", "choice", {}, [input, part("b", "", {}, [words]), part("span", "soft", {}, [label])]);
+      const likely = part("span", "soft likely");
+      const said = part("span", "soft", {}, [label]);
+      return part("label", "choice", {}, [input, part("b", "", {}, [words]), said, likely]);
     });
     const start = () => {
-      const budget = body.querySelector("input[name='elicit-budget']:checked")?.value ?? "";
-      show({ do: "start", who: who.value, budget }, "The interview has not started yet.");
+      const minutes = body.querySelector("input[name='elicit-budget']:checked")?.value ?? "";
+      show({ do: "start", who: who.value, minutes }, "The interview has not started yet.");
     };
     const says = [
       ["You compare.", `${compare} There is no right or wrong answer.`],
@@ -291,8 +288,9 @@ export function mount(root, send, options = {}) {
       part("label", "strong", { for: "elicit-who" }, ["Your name or initials (optional)"]),
       part("p", "soft small", {}, ["Printed on your report. A made-up name is fine."]),
       who,
-      part("fieldset", "", {}, [part("legend", "strong", {}, ["How many questions do you have time for?"]), ...radios]),
+      part("fieldset", "", {}, [part("legend", "strong", {}, ["How much time do you have?"]), ...radios]),
       part("p", "soft small", {}, [before, " ", fewest(least)]),
+      part("p", "soft small", {}, [SIMULATED]),
       button("pick", "Start", start),
       part("p", "soft small", {}, ["A practice question comes first."]),
     ]);
@@ -385,7 +383,9 @@ export function mount(root, send, options = {}) {
         show({ do: "settle", id, choice }, "Your choice has not been saved yet."),
       );
       made.dataset.keep = choice;
-      return made;
+      const left = part("span", "soft small left", { id: `elicit-left-${i}` });
+      made.setAttribute("aria-describedby", left.id);
+      return part("div", "option", {}, [made, left]);
     });
     const grid = part("div", said.length === 1 ? "" : "columns even", {}, cards);
     const parts = [part("p", "soft", {}, [text]), grid, part("div", "mid options", {}, buttons)];
@@ -403,9 +403,13 @@ export function mount(root, send, options = {}) {
   }
 
   // What came in beside the question: how many more there are, and why this one.
-  function drawBeside() {
+  function drawBeside(reply) {
     if (view !== "stage") return;
-    progress.lastChild.textContent = toCome(beside.to_come, asked ? took / asked : SECONDS);
+    beside = reply;
+    const sooner = screen.time.planned && (!beside.to_come || screen.budget - screen.answered <= beside.to_come[1]);
+    progress.lastChild.textContent = sooner
+      ? planned(screen.time, screen.answered, screen.budget)
+      : toCome(beside.to_come, screen.time.pace);
     fill(beside.to_come ? beside.to_come[1] : null);
     const why = body.querySelector(".why");
     why?.querySelectorAll("p").forEach((p) => p.remove());
@@ -414,8 +418,22 @@ export function mount(root, send, options = {}) {
     why?.append(...lines.map((line) => part("p", "", {}, [line])));
   }
 
+  // What came in beside a conflict: what each choice would leave.
+  function drawConsequences({ choices }) {
+    for (const one of body.querySelectorAll("[data-keep]")) say(one.nextSibling, choices[one.dataset.keep] ?? "");
+  }
+
+  // What came in beside the welcome: what each budget will likely prove.
+  function drawProspects({ budgets, settled, ready }) {
+    const places = [...body.querySelectorAll(".likely")];
+    const none = ready ? "" : places.length ? "Working out what this will likely prove ..." : "";
+    for (const [i, place] of places.entries()) {
+      say(place, i === places.length - 1 ? settled : budgets[i] || none);
+    }
+  }
+
   function end() {
-    const { open, scale, certainty, statements, counts, conflicts, changes, caution, settled, more } = screen.end;
+    const { open, scale, certainty, statements, counts, conflicts, changes, caution, remarks, settled, more } = screen.end;
     const among = [
       [counts.equal, "equally good"], [counts["cannot tell"], "cannot tell"],
       [counts.unused, "ignored because they contradict others"], [counts.withdrawn, "more taken back"],
@@ -424,7 +442,7 @@ export function mount(root, send, options = {}) {
     const said = `${counts.answered} ${counts.answered === 1 ? "answer" : "answers"}`;
     const given = some.length ? `${said} (${some.join(", ")}).` : `${said}.`;
     const top = [part("p", settled ? "status good" : "status", {}, [settled ? "✓ Settled" : "Not settled"])];
-    if (caution) top.push(part("p", "caution", {}, [caution]));
+    for (const said of [caution, ...remarks].filter(Boolean)) top.push(part("p", "caution", {}, [said]));
     const facts = [
       ["How sure", screen.end.sure], ["Before", screen.end.before], ["Next", screen.end.next], ["You gave", given],
       ["Checks", checks(counts)],
@@ -596,6 +614,7 @@ export function mount(root, send, options = {}) {
 }
 
 const TRY = "Practice question: your answer is not saved.";
+const SIMULATED = "Simulated sessions draw the values from all that are possible before the first answer.";
 const MENDS = "Withdrawing any one of them fixes it. The others stay.";
 const STAYS = "stays"; // returned by what changes nothing on the screen
 const WHEN = { dateStyle: "medium", timeStyle: "short" };
@@ -744,6 +763,14 @@ function interval(low, value, high, colour, asked) {
   if (end) parts.push(svg("circle", { class: "fixed", cx: `${value}%`, cy: "50%", r: 7, fill: colour }));
   else if (asked) parts.push(svg("circle", { class: "guess", cx: `${value}%`, cy: "50%", r: 3 }));
   return svg("svg", { class: "interval", "aria-hidden": "true", focusable: "false" }, [...grid, ...parts]);
+}
+
+// How far the person is in the time that they have.
+function planned({ planned: minutes, spent }, answered, budget) {
+  const left = Math.max(0, Math.round(minutes - spent / 60));
+  const more = Math.max(0, budget - answered);
+  if (!more) return `your ${minutes} minutes are over`;
+  return `${answered} answered, time for about ${more} more (${left < 1 ? "under 1" : left} of ${minutes} minutes left)`;
 }
 
 function toCome(range, seconds) {

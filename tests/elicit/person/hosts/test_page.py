@@ -325,6 +325,7 @@ def test_nothing_is_lost_when_the_program_stops(windows: Windows) -> None:
         banner.get_by_text("was restarted").wait_for()
         again = windows.open(server)  # which is let in, and with it the whole browser
         at(again, "Welcome")
+        again.close()  # it asks for prospects, also when the program has stopped
         name(page, "Try again").click()
         at(page, "Question 2")
         assert not banner.count()
@@ -656,7 +657,7 @@ def test_single_letters_can_be_switched_off_and_stay_off(windows: Windows) -> No
         at(page, "Question 2")
 
 
-def test_a_name_and_a_budget_are_sent_with_the_start(windows: Windows) -> None:
+def test_a_name_and_the_minutes_are_sent_with_the_start(windows: Windows) -> None:
     words = Words("patients", levels=("Gone", "", "Well <again>"), duration="Each for a year.")
     with served(windows.log, words=words, least=1) as server:
         page = windows.open(server)
@@ -664,7 +665,7 @@ def test_a_name_and_a_budget_are_sent_with_the_start(windows: Windows) -> None:
         assert "Well <again>" in page.inner_text(".legend")
         assert "Each for a year." in page.inner_text(".panel")
         page.fill("#elicit-who", "Ann")
-        page.get_by_label("8 questions").check()
+        page.get_by_label("5 minutes").check()
         start(page)
         click(page, "a")
         at(page, "Question 1")

@@ -1,0 +1,49 @@
+"""Consequences of each choice in a conflict: how many answers it keeps, and what could be lost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+
+
+class Consequences(Generic[T]):
+    """What each choice in a conflict would leave. One thread computes it while others read.
+
+    Parameters
+    ----------
+    id : str
+        Of the conflict.
+    suppose : mapping
+        For each choice, a function that returns what would stand after it.
+    sentence : callable
+        Returns what that means, in a few words.
+    """
+
+    def __init__(
+        self,
+        id: str,
+        suppose: Mapping[str, Callable[[], T]],
+        sentence: Callable[[T], str],
+    ) -> None:
+        self.id = id
+        self._suppose, self._sentence = dict(suppose), sentence
+        self._found: dict[str, str] = {}
+        self.ready = False
+        """True if nothing will be added."""
+
+    def steps(self) -> Iterator[None]:
+        """Compute one choice a step. A choice whose asker cannot be made is left out."""
+        try:
+            for choice, suppose in self._suppose.items():
+                with suppress(ValueError):  # also for answers that contradict each other
+                    self._found[choice] = self._sentence(suppose())
+                yield
+        finally:
+            self.ready = True
+
+    def found(self) -> dict[str, str]:
+        """Return the sentences that are known by now, by the choice."""
+        return dict(self._found)
