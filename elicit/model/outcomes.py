@@ -14,9 +14,8 @@ class Status(Enum):
     TRAINING = "not finished: it waits for a policy trained on to_train(); bring it with add"
     DONE = "finished: all steps are done, and nothing is left to ask"
     CONVERGED = (
-        "finished: the policy is within the tolerance, if the answers and verdicts were right "
-        "(and, with trainings, "
-        "optimality_gap)"
+        "finished: the policy is within the tolerance, if the answers (and optimality_gap, where "
+        "one was given) were right"
     )
     CERTIFIED = "finished: no plausible scale lets the policy lose more than max_loss"
     BOUNDED = (

@@ -220,9 +220,8 @@ class Settings:
         return Settings(**self.named(*(one.name for one in fields(Settings))))
 
 
-_IN_THE_ABLATION = tuple(
-    name for name in COMPARATORS if name not in ("polytope-1-wrong", "box-rescaled")
-)
+_FOR_THE_ABLATION = tuple(name for name in COMPARATORS if name != "box-rescaled")
+_IN_THE_ABLATION = tuple(name for name in _FOR_THE_ABLATION if name != "polytope-1-wrong")
 _IN_THE_PAPER = ("polytope", "posterior", "box-rescaled", "box")
 
 
@@ -257,8 +256,9 @@ class AblationSettings(Settings):
     )
     comparators: tuple[str | Own, ...] = setting(
         _IN_THE_ABLATION,
-        NameOrOwn(_IN_THE_ABLATION, "(k, seed) returns a Comparator"),
-        "always ask; polytope, plain and relaxed; posterior, plain and with an indifference; "
+        NameOrOwn(_FOR_THE_ABLATION, "(k, seed) returns a Comparator"),
+        "always ask; polytope, plain, relaxed and (if named) with one wrong answer; posterior, "
+        "plain and with an indifference; "
         "Bradley-Terry; your own",
     )
     tutors: tuple[str | Own, ...] = setting(

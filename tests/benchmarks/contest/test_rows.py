@@ -52,6 +52,7 @@ def _parts(text):
     return found[2], found[3], found[1], found[4]
 
 
+@pytest.mark.slow
 def test_the_page_is_drawn_from_the_rows_without_a_run(frame, tmp_path, monkeypatch):
     monkeypatch.setattr(contest, "run", None)
     begun = time.process_time()
