@@ -157,7 +157,8 @@ class PosteriorComparator:
         precisions and lapses were common among them is then likelier a priori. The general prior
         keeps the weight of four people, for the next person may be like none of them. Learning it
         takes about as long as telling a comparator all their answers. The ``like`` of another
-        comparator of this k is taken as it is.
+        comparator of this k is taken as it is. What is learned from few people depends a little on
+        their order and on the seed.
     **options
         ``particles`` and ``shape``: see ``ParticleOptions``.
 
