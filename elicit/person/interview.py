@@ -221,7 +221,7 @@ class Interview(Drawing, Closing):
 
     @property
     def _unlocked(self) -> tuple[Callable[..., dict[str, Any]], ...]:
-        """What only reads what a thread computes: nobody waits for it, nor it for anybody."""
+        """The messages that only read what a thread computes: none waits for it, nor it for them."""
         return self._outlook, self._prospects_so_far, self._consequences
 
     def handle(self, message: Mapping[str, Any]) -> dict[str, Any]:

@@ -300,7 +300,7 @@ class Prospect:
 
 
 class Prospects:
-    """What so many questions will likely prove. One thread may compute it while others read.
+    """Forecast of what so many questions will prove. One thread may compute it while others read.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ T = TypeVar("T")
 
 
 class Consequences(Generic[T]):
-    """What each choice in a conflict would leave. One thread computes it while others read.
+    """Consequences of each choice in a conflict. One thread computes it while others read.
 
     Parameters
     ----------
