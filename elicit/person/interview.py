@@ -221,7 +221,7 @@ class Interview(Drawing, Closing):
 
     @property
     def _unlocked(self) -> tuple[Callable[..., dict[str, Any]], ...]:
-        """The messages that only read what a thread computes: none waits for it, nor it for them."""
+        """The messages that only read what a thread computes: neither waits for the other."""
         return self._outlook, self._prospects_so_far, self._consequences
 
     def handle(self, message: Mapping[str, Any]) -> dict[str, Any]:
