@@ -7,7 +7,7 @@ nothing: it cuts off the thin part of the plausible set in which that one differ
 takes away the parts in which several are open, and some of the rest.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -69,11 +69,9 @@ def closing_cut(
     """
 
     def promise(asked: Floats, rows: slice = _ALL) -> float:
-        below = float(product(product(tail_sums(asked), draws.gaps) < 0, draws.weights))
-        sides = ((below, Verdict.WORSE), (1.0 - below, Verdict.BETTER))
         rest = sum(
             share * halvings_left(comparator, asked, verdict, d[rows], high[rows], limit)
-            for share, verdict in sides
+            for share, verdict in _chances(asked, draws)
             if share > 0
         )
         return round(halvings(high[rows], limit) - rest, 9)
@@ -85,9 +83,21 @@ def closing_cut(
     cuts = _best(cuts, drawn_promises(cuts, draws, d, high, limit), _DRAWN)
     if len(d) > _FEW:
         cuts = _best(cuts, [promise(cut, slice(_FEW)) for cut in cuts], _BOUNDED)
-    found = [(promise(cut), cut) for cut in cuts]
-    best, cut = max(found, key=lambda one: one[0], default=(0.0, None))  # of equals the first
+    best, cut = _most_promising(cuts, promise)
     return cut if best > least else None
+
+
+def _chances(asked: Floats, draws: Draws) -> tuple[tuple[float, Verdict], ...]:
+    """Return the weight of the draws for which each answer about ``asked`` (k,) is right."""
+    below = float(product(product(tail_sums(asked), draws.gaps) < 0, draws.weights))
+    return (below, Verdict.WORSE), (1.0 - below, Verdict.BETTER)
+
+
+def _most_promising(
+    cuts: list[Floats], promise: Callable[[Floats], float]
+) -> tuple[float, Floats | None]:
+    """Return the greatest promise and its cut (k,), of equals the first; 0 and None of no cuts."""
+    return max(((promise(cut), cut) for cut in cuts), key=lambda one: one[0], default=(0.0, None))
 
 
 def _best(cuts: list[Floats], scores: Sequence[float], most: int) -> list[Floats]:
@@ -138,15 +148,15 @@ def closing_cut_of_one(
     }
     name = max(panel.people, key=lambda one: round(float(beyond[one][open_rows].sum()), 9))
     member, weight = panel.members[name], panel.weights[name]
-    draws = draws_in(member)
-    if draws is None:
+    found = draws_in(member)
+    if found is None:
         return None
+    draws = Draws(*found)
     rest, now = high - weight * own[name], halvings(high, limit)
 
     def promise(asked: Floats) -> float:
-        below = float(product(product(tail_sums(asked), draws[0]) < 0, draws[1]))
         left = 0.0
-        for share, verdict in ((below, Verdict.WORSE), (1.0 - below, Verdict.BETTER)):
+        for share, verdict in _chances(asked, draws):
             try:
                 known = member.update(Answers(asked[None], [int(verdict)])) if share > 0 else member
             except InconsistentAnswers:
@@ -156,8 +166,7 @@ def closing_cut_of_one(
             left += share * halvings(rest + weight * after, limit)
         return round(now - left, 9)
 
-    found = [(promise(cut), cut) for cut in cuts_towards(Draws(*draws), d, high, limit)]
-    best, cut = max(found, key=lambda one: one[0], default=(0.0, None))  # of equals the first
+    best, cut = _most_promising(cuts_towards(draws, d, high, limit), promise)
     return (name, cut) if cut is not None and best > 0 else None
 
 

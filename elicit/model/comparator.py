@@ -313,7 +313,7 @@ OPTIONAL_PARTS = (
         "KnowsPeople",
         "people",
         "the names of those who answer, whose scales it combines",
-        "With several, no answer of one of them decides a pair for all, and no cuts are asked. "
+        "With several, no answer of one of them decides a pair for all, and a cut is asked of one. "
         "Without it there is one tutor.",
         _PANEL,
     ),
