@@ -4,9 +4,11 @@ printing, writing.
 
 from __future__ import annotations
 
+import argparse
 import os
 import platform
-from collections.abc import Iterable, Sequence
+import sys
+from collections.abc import Callable, Iterable, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -82,3 +84,29 @@ def save(text: str, out: Path | None, seeds: str = "") -> None:
         out.parent.mkdir(parents=True, exist_ok=True)
         out.write_text(text, encoding="utf-8")
         stamps.sign(out, seeds)
+
+
+def main_by_seeds(
+    program: str,
+    report: Callable[..., Iterable[list[str]]],
+    first: int,
+    option: tuple[str, int, str],
+    arguments: Sequence[str] | None,
+) -> None:
+    """Print the report of a program over seeds from ``first`` on; ``--out`` also writes it.
+
+    ``option`` is the name, the default and the meaning of the option that says how many seeds. Runs
+    that ``--journal`` keeps are taken again only if the program's sources are the same.
+    """
+    name, default, meaning = option
+    parser = argparse.ArgumentParser(
+        prog=program, description=(sys.modules[report.__module__].__doc__ or "").splitlines()[0]
+    )
+    parser.add_argument(f"--{name}", type=int, default=default, help=f"{meaning} [%(default)s]")
+    parser.add_argument("--jobs", type=int, default=2, help="processes [%(default)s]")
+    parser.add_argument("--journal", type=Path, help="file that keeps finished runs")
+    parser.add_argument("--out", type=Path)
+    given = parser.parse_args(arguments)
+    count, made_of = getattr(given, name), stamps.sources(program)
+    parts = report(count, jobs=given.jobs, journal=given.journal, own=lambda cell: (made_of, {}))
+    publish(parts, given.out, f"{first}-{first + count - 1}")

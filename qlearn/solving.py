@@ -10,7 +10,7 @@ from elicit._support.seeds import seed_of
 from elicit.model.comparator import Comparator, people_of
 from elicit.model.tutor import check_tutor_made
 from elicit.tutors.answer_log import AnswerLog
-from elicit.tutors.panel import tutor_of
+from elicit.tutors.panel import as_one_tutor
 from qlearn.experiments.catalogue import COMPARATORS, LEARNERS
 from qlearn.learners.learner import Result, Tutors, check_problem, drive
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -91,7 +91,7 @@ def solve(
     _check_mdp(mdp)
     key = seed_of(seed)
     knows = _named(comparator, key, mdp.k)
-    tutor = tutor_of(tutor, people_of(knows))
+    tutor = as_one_tutor(tutor, people_of(knows))
     check_tutor_made(tutor, mdp.k)
     check_problem(mdp, knows)
     if not isinstance(learner, str) or learner not in LEARNERS:

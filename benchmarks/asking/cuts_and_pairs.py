@@ -10,17 +10,14 @@ on random MDPs. Seeds 100 to 105 chose when a cut is asked; the page is of seeds
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator, Sequence
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy import stats
 
-from benchmarks.reporting import machine, markdown, publish, with_interval
-from benchmarks.stamps import sources
+from benchmarks.reporting import machine, main_by_seeds, markdown, with_interval
 from elicit import PolytopeComparator, TruthfulTutor
 from elicit.model.scale import Floats
 from qlearn import InteractivePolicyIteration, drive, hidden_scales, policy_loss, random_mdp
@@ -128,18 +125,8 @@ def report(problems: int, **how: Any) -> Iterator[list[str]]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the page; ``--out`` also writes it."""
-    parser = argparse.ArgumentParser(
-        prog="benchmarks.asking.cuts_and_pairs", description=(__doc__ or "").splitlines()[0]
-    )
-    parser.add_argument("--problems", type=int, default=6, help="a row and kind (default: 6)")
-    parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
-    parser.add_argument("--journal", type=Path, help="file that keeps finished runs")
-    parser.add_argument("--out", type=Path)
-    given = parser.parse_args(arguments)
-    made_of = sources("benchmarks.asking.cuts_and_pairs")  # a run of other code is none of these
-    how: dict[str, Any] = {"jobs": given.jobs, "journal": given.journal}
-    how["own"] = lambda cell: (made_of, {})
-    publish(report(given.problems, **how), given.out, f"{FIRST}-{FIRST + given.problems - 1}")
+    program = "benchmarks.asking.cuts_and_pairs"
+    main_by_seeds(program, report, FIRST, ("problems", 6, "a row and kind"), arguments)
 
 
 if __name__ == "__main__":

@@ -11,16 +11,13 @@ finished runs.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy import stats
 
-from benchmarks.reporting import machine, markdown, publish, with_interval
-from benchmarks.stamps import sources
+from benchmarks.reporting import machine, main_by_seeds, markdown, with_interval
 from elicit import PolytopeComparator, TruthfulTutor
 from qlearn import (
     InteractivePolicyIteration,
@@ -135,20 +132,8 @@ def report(problems: int, **how: Any) -> Iterator[list[str]]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the page; ``--out`` also writes it."""
-    parser = argparse.ArgumentParser(
-        prog="benchmarks.comparing.families_and_rules", description=(__doc__ or "").splitlines()[0]
-    )
-    parser.add_argument("--problems", type=int, default=12, help="a family and kind (default: 12)")
-    parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
-    parser.add_argument("--journal", type=Path, help="file that keeps finished runs")
-    parser.add_argument("--out", type=Path)
-    given = parser.parse_args(arguments)
-    made_of = sources(
-        "benchmarks.comparing.families_and_rules"
-    )  # a run of other code is none of these
-    how: dict[str, Any] = {"jobs": given.jobs, "journal": given.journal}
-    how["own"] = lambda cell: (made_of, {})
-    publish(report(given.problems, **how), given.out, f"{FIRST}-{FIRST + given.problems - 1}")
+    program = "benchmarks.comparing.families_and_rules"
+    main_by_seeds(program, report, FIRST, ("problems", 12, "a family and kind"), arguments)
 
 
 if __name__ == "__main__":

@@ -10,16 +10,13 @@ about their own precision is right too. So each figure is the most that such a q
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator, Sequence
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.reporting import machine, markdown, publish, with_interval
-from benchmarks.stamps import sources
+from benchmarks.reporting import machine, main_by_seeds, markdown, with_interval
 from elicit import Answers, PolytopeComparator
 from elicit.model.scale import Floats
 from qlearn import InteractivePolicyIteration, hidden_scales, policy_loss, random_mdp
@@ -178,18 +175,8 @@ def report(seeds: int, **how: Any) -> Iterator[list[str]]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the page; ``--out`` also writes it."""
-    parser = argparse.ArgumentParser(
-        prog="benchmarks.people.kinds_of_question", description=(__doc__ or "").splitlines()[0]
-    )
-    parser.add_argument("--seeds", type=int, default=6, help="a row and kind (default: 6)")
-    parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
-    parser.add_argument("--journal", type=Path, help="file that keeps finished runs")
-    parser.add_argument("--out", type=Path)
-    given = parser.parse_args(arguments)
-    made_of = sources("benchmarks.people.kinds_of_question")
-    how: dict[str, Any] = {"jobs": given.jobs, "journal": given.journal}
-    how["own"] = lambda cell: (made_of, {})
-    publish(report(given.seeds, **how), given.out, f"{FIRST}-{FIRST + given.seeds - 1}")
+    program = "benchmarks.people.kinds_of_question"
+    main_by_seeds(program, report, FIRST, ("seeds", 6, "a row and kind"), arguments)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from elicit.model.query import Answer, Query, as_verdict
 from elicit.model.tutor import KnowsLevels, check_tutor_made
 
 
-def tutor_of(
+def as_one_tutor(
     tutor: Callable[[Query], Answer | int] | Mapping[str, Callable[[Query], Answer | int]],
     people: Sequence[str],
 ) -> Callable[[Query], Answer | int]:

@@ -34,7 +34,7 @@ from elicit.model.query import (
 from elicit.model.scale import Floats
 from elicit.model.tutor import TutorOfMany, check_tutor_made
 from elicit.tutors.answer_log import EXPECTED, AnswerLog
-from elicit.tutors.panel import tutor_of
+from elicit.tutors.panel import as_one_tutor
 from qlearn.certificates.loss_bound import BOUNDING, Guarantee, loses_at_most, loss_bound
 from qlearn.certificates.within_reach import out_of_reach, tolerance_within_reach
 from qlearn.learners.action_pair_kernel import AnswersInLoops
@@ -527,7 +527,7 @@ def drive(
     logged, where the tutor answers what was not asked.
     """
     require(on_conflict in ("raise", "drop"), "on_conflict", "'raise' or 'drop'", on_conflict)
-    tutor = tutor_of(tutor, people_of(learner.comparator))
+    tutor = as_one_tutor(tutor, people_of(learner.comparator))
     check_tutor_made(tutor, learner.comparator.k)
     signs = _signs_of(tutor) if isinstance(learner.comparator, AlwaysAsk) else None
     if signs is not None:
