@@ -245,7 +245,8 @@ OPTIONAL_PARTS = (
         "probability(d)",
         "(n,) the probability that the tutor says left is better; of several arrays the last is "
         "the best guess",
-        "`held_out` scores it. Without it there is no log-likelihood.",
+        "`held_out` scores it, and policy iteration asks about magnified differences (`bags`). "
+        "Without it there is no log-likelihood.",
         _MODELS,
     ),
     Part(
