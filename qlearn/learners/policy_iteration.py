@@ -325,7 +325,7 @@ class InteractivePolicyIteration(Learner):
         wrong = wrong_of(known)
         if undecided > (TUNING.confirming if wrong else TUNING.undecided):
             return None
-        high = simultaneous_bounds(known, candidates.d)[0]
+        high = simultaneous_bounds(known, over.d)[0][rows]
         most = np.argsort(-high, kind="stable")[: TUNING.closed]
         limit = TUNING.close * self._enough
         cut: Floats | None
