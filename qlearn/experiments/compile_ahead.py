@@ -46,8 +46,11 @@ def proofs() -> None:
 
 @jit.compiling()
 def moves() -> None:
-    """Let the posterior learn answers."""
+    """Let the posterior learn answers, of one person and of two."""
     _choose(PosteriorComparator(5, particles=50, seed=0))
+    rows = np.diff(_rows(21), axis=0)
+    answers = Answers(rows, [1, -1] * 10, who=["ann", "ann", "ben", "ben"] * 5)
+    PosteriorComparator(5, particles=50, seed=0, raters=True).update(answers)
 
 
 @jit.compiling()

@@ -35,6 +35,8 @@ from elicit.comparators.bradley_terry.density import (
     LEAST_LAPSE,
     LEAST_WIDTH,
     ParticlePrior,
+    log_logistic,
+    log_prior,
     powered,
 )
 from elicit.comparators.bradley_terry.mcmc_arrays import (
@@ -42,8 +44,6 @@ from elicit.comparators.bradley_terry.mcmc_arrays import (
     elementwise,
     exchanges,
     in_order,
-    log_logistic,
-    log_prior,
     logistic,
     steps,
     unit,
@@ -58,8 +58,9 @@ from elicit.comparators.bradley_terry.smc import (
 )
 from elicit.model.scale import Floats
 
-SPREAD = 1.0
-"""Standard deviation among raters of the log of the precision, a priori."""
+SPREAD = 1.74
+"""Standard deviation among raters of the log of the precision, a priori: that of the people of
+public experiments (``elicit.tutors.person``)."""
 
 OWN = 3  # coordinates of a rater
 TURNS = 8  # of moves; in each, every part of a particle may change
@@ -136,7 +137,7 @@ def learn(state: RaterArrays, n: int, prior: ParticlePrior, key: Any) -> tuple[i
     copied = np.empty(m, dtype=np.int64)
     while done < 1.0:
         told = _Told(state.rows[:, n - 1 : n], state.tied[n - 1 : n], 1.0)
-        found = _terms(x, _density(x, prior)[1], who, told, state.wide[who], prior)
+        found = _terms(x, _of_scale(x, prior)[1], who, told, state.wide[who], prior)
         part = tempered(logs, found, 1.0 - done)
         done = 1.0 if part >= 1.0 - done else done + part
         logs += part * found
@@ -191,7 +192,9 @@ def move(
         return _terms(some, theta, number, told[number], state.wide[number], prior)
 
     raters = range(len(told))
-    density, theta = _density(x, prior)
+    scale_prior, theta = _of_scale(x, prior)
+    # of the scale, then of each rater
+    priors = np.stack([scale_prior, *(_of_rater(x, number, prior) for number in raters)])
     logs = np.stack([terms(x, theta, number) for number in raters])
     proposed = accepted = 0
     for turn in range(turns):
@@ -204,21 +207,22 @@ def move(
                 u = [unit(fold(h, j)) for j in range(10)]
                 first, second = _two_of(np.arange(1 - half, m, 2), u[2], u[3])
                 proposal = _proposal(x[at], x[first], x[second], p, part, u)
-                prior_of, theta_of = _density(proposal, prior)
-                found = logs[:, at].copy()
-                allowed = prior_of > -np.inf
-                changed = [part - _RATERS] if part >= _RATERS else raters if part != _SHIFT else ()
-                some = np.flatnonzero(allowed)
-                for number in changed:
-                    found[number, some] = terms(proposal[some], theta_of[:, some], number)
-                gain = prior_of + in_order(found) - density[at] - in_order(logs[:, at])
-                taken = allowed & (elementwise(math.log, u[1]) <= gain)
+                prior_of, theta_of, found = priors[:, at].copy(), theta[:, at], logs[:, at].copy()
+                if part < _RATERS:
+                    prior_of[0], theta_of = _of_scale(proposal, prior)
+                if part != _SCALE:
+                    for number in (part - _RATERS,) if part >= _RATERS else raters:
+                        prior_of[1 + number] = _of_rater(proposal, number, prior)
+                some = np.flatnonzero(prior_of[0] > -np.inf)
+                if part != _SHIFT:  # which changes no likelihood
+                    for number in (part - _RATERS,) if part >= _RATERS else raters:
+                        found[number, some] = terms(proposal[some], theta_of[:, some], number)
+                gain = in_order(prior_of) - in_order(priors[:, at])
+                gain += in_order(found) - in_order(logs[:, at])
+                taken = elementwise(math.log, u[1]) <= gain
                 new = at[taken]
-                x[new], density[new], logs[:, new] = (
-                    proposal[taken],
-                    prior_of[taken],
-                    found[:, taken],
-                )
+                x[new], theta[:, new] = proposal[taken], theta_of[:, taken]
+                priors[:, new], logs[:, new] = prior_of[:, taken], found[:, taken]
                 proposed, accepted = proposed + len(at), accepted + int(taken.sum())
     return proposed, accepted
 
@@ -275,18 +279,20 @@ def newcomer(prior: ParticlePrior, m: int, seed: int) -> Floats:
     return np.column_stack([SPREAD * ndtri(factor), logit(lapses), logit(width)])
 
 
-def _density(x: Floats, prior: ParticlePrior) -> tuple[Floats, Floats]:
-    """Return the log density (q,) a priori of particles x (q, p + 3 r), up to a constant, and their
-    gaps times the common precision (p, q).
+def _of_scale(x: Floats, prior: ParticlePrior) -> tuple[Floats, Floats]:
+    """Return the log density (q,) a priori of the scales and common precisions of particles x (q,
+    p + 3 r), up to a constant, and gaps times common precision (p, q).
     """
     p = prior.above.shape[1]
-    total, theta = log_prior(x[:, :p].T, p, of_the_scale(prior))
-    for first in range(p, x.shape[1], OWN):
-        z = x[:, first] / SPREAD
-        total = total - 0.5 * z * z
-        total += log_logistic(x[:, first + 1], prior.lapse_a, prior.lapse_b)
-        total += log_logistic(x[:, first + 2], 1.0, 1.0)
-    return total, theta
+    theta = np.empty((p, len(x)))
+    return log_priors(np.ascontiguousarray(x[:, :p]), of_the_scale(prior), theta), theta
+
+
+def _of_rater(x: Floats, number: int, prior: ParticlePrior) -> Floats:
+    """Return the log density (q,) a priori of a rater's coordinates, up to a constant."""
+    first = prior.above.shape[1] + OWN * number
+    own = np.ascontiguousarray(x[:, first : first + OWN])
+    return np.asarray(log_priors_of_raters(own, prior.lapse_a, prior.lapse_b))
 
 
 def parameters(
@@ -363,7 +369,7 @@ def _interval(numbers: Floats, weights: Floats, level: float) -> tuple[float, fl
     return float(numbers[order[low]]), float(numbers[order[min(high, len(order) - 1)]])
 
 
-def _with_arrays(
+def _likelihoods_of_arrays(
     theta: Floats, rows: Floats, tied: Any, n: int, last: float, lapse: Floats, width: Floats
 ) -> Floats:
     """Return ``log_likelihoods`` in NumPy."""
@@ -371,7 +377,7 @@ def _with_arrays(
     return mcmc_arrays.powered(theta, rows, tied, n, last, lapse, width, least)
 
 
-@compiled_beside(_with_arrays)
+@compiled_beside(_likelihoods_of_arrays)
 def log_likelihoods(
     theta: Any, rows: Any, tied: Any, n: int, last: float, lapse: Any, width: Any
 ) -> Any:
@@ -382,4 +388,42 @@ def log_likelihoods(
         for j in range(p):
             one[j] = theta[j, i]
         out[i] = powered(one, rows, tied, n, last, lapse[i], width[i], -math.inf, work)
+    return out
+
+
+def _priors_of_arrays(x: Floats, prior: ParticlePrior, theta: Floats) -> Floats:
+    """Return ``log_priors`` in NumPy."""
+    found, theta[:] = mcmc_arrays.log_prior(x.T, x.shape[1], prior)
+    return found
+
+
+@compiled_beside(_priors_of_arrays)
+def log_priors(x: Any, prior: ParticlePrior, theta: Any) -> Any:
+    """Return ``density.log_prior`` (q,) of x (q, p), and write their theta into ``theta`` (p,
+    q).
+    """
+    q, p = x.shape
+    out, one, work = np.empty(q), np.empty(p), np.empty((2, BLOCK))
+    for i in range(q):
+        out[i] = log_prior(x[i], prior, one, work)
+        for j in range(p):
+            theta[j, i] = one[j]
+    return out
+
+
+def _raters_of_arrays(own: Floats, a: float, b: float) -> Floats:
+    """Return ``log_priors_of_raters`` in NumPy."""
+    z, lapse, width = own.T
+    z = z / SPREAD
+    found = mcmc_arrays.log_logistic(lapse, a, b) + mcmc_arrays.log_logistic(width, 1.0, 1.0)
+    return found - 0.5 * z * z
+
+
+@compiled_beside(_raters_of_arrays)
+def log_priors_of_raters(own: Any, a: float, b: float) -> Any:
+    """Return the log density (q,) of the coordinates (q, 3) of a rater, up to a constant."""
+    out = np.empty(len(own))
+    for i in range(len(own)):
+        z = own[i, 0] / SPREAD
+        out[i] = log_logistic(own[i, 1], a, b) + log_logistic(own[i, 2], 1.0, 1.0) - 0.5 * z * z
     return out
