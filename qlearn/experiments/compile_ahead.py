@@ -16,6 +16,7 @@ from elicit.asking.choose_from_list import choose
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import Comparator
+from elicit.model.query import Answers
 from elicit.model.scale import Floats
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from qlearn.experiments.catalogue import COMPARATORS, LEARNERS

@@ -416,7 +416,7 @@ def _raters_of_arrays(own: Floats, a: float, b: float) -> Floats:
     z, lapse, width = own.T
     z = z / SPREAD
     found = mcmc_arrays.log_logistic(lapse, a, b) + mcmc_arrays.log_logistic(width, 1.0, 1.0)
-    return found - 0.5 * z * z
+    return np.asarray(found - 0.5 * z * z)
 
 
 @compiled_beside(_raters_of_arrays)

@@ -9,7 +9,7 @@ from scipy import stats
 from scipy.special import expit, logit, logsumexp
 
 import qlearn
-from elicit import Answer, Answers, PosteriorComparator, Query, TruthfulTutor, Verdict
+from elicit import Answers, FlippingTutor, PosteriorComparator
 from elicit._support.hashing import fold
 from elicit.comparators.bradley_terry import mcmc_arrays, raters
 from elicit.comparators.bradley_terry.particle_comparator import PRECISION
@@ -142,7 +142,7 @@ def test_the_posterior_is_that_of_a_plain_sampler(ties: bool) -> None:
 FIVE = ("ann", "ben", "chen", "dora", "eve")
 
 
-def moved_by_eve(seed: int, each: int, raters: bool, particles: int = 500) -> float:
+def moved_by_eve(seed: int, each: int, raters: bool, particles: int = 1000) -> float:
     """Return how far answers at random of eve's move the scale of four good raters."""
     rng = np.random.default_rng(seed)
     values = np.concatenate([[0], np.cumsum(rng.dirichlet(np.ones(3)))])
@@ -154,9 +154,9 @@ def moved_by_eve(seed: int, each: int, raters: bool, particles: int = 500) -> fl
 
 
 def test_a_rater_at_random_hardly_moves_the_scale() -> None:
-    seeds = range(scaled(5, 20))
-    without = np.mean([moved_by_eve(seed, 40, raters=False) for seed in seeds])
-    with_them = np.mean([moved_by_eve(seed, 40, raters=True) for seed in seeds])
+    seeds = range(scaled(6, 20))
+    without = np.mean([moved_by_eve(seed, 20, raters=False) for seed in seeds])
+    with_them = np.mean([moved_by_eve(seed, 20, raters=True) for seed in seeds])
     assert with_them < 0.2 * without
 
 
@@ -196,7 +196,7 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say() -> None:
         common = rng.normal(PRECISION[0], 0.5)
         people = {
             name: (float(np.exp(rng.normal(common, raters.SPREAD))), rng.beta(1, 4), 0.0)
-            for name in ("ann", "ben", "chen")
+            for name in FIVE[:3]
         }
         values = np.concatenate([[0], np.cumsum(rng.dirichlet(np.full(3, 0.3)))])
         answers = told(45, people, values, seed)
@@ -310,18 +310,20 @@ def test_moves_leave_the_prior_as_it_is() -> None:
     assert mcmc_arrays.log_prior(moved[:, :3].T, 3, raters.of_the_scale(prior))[0].max() < np.inf
 
 
-def test_a_learner_asks_whoever_answers() -> None:
+def test_a_learner_asks_the_raters_by_turns() -> None:
     mdp, values = qlearn.random_mdp(12, 3, 4, discount=0.9, seed=2)
-    good, turn = TruthfulTutor(values), iter(range(10_000))
-
-    def tutor(query: Query) -> Answer:
-        i = next(turn)
-        if i % 5 == 4:  # as a coin falls
-            return Answer(query, Verdict([-1, 1][i // 5 % 2]), who="eve")
-        return Answer(query, good(query).verdict, who=FIVE[i % 5])
-
-    known = PosteriorComparator(4, seed=0, raters=True)
-    found = qlearn.solve(mdp, tutor, known, tolerance=0.02, max_queries=80, seed=0)
+    tutors: dict[str, Any] = {
+        name: FlippingTutor(values, 0.05, seed=i) for i, name in enumerate(FIVE[:3])
+    }
+    tutors["eve"] = FlippingTutor(values, 0.5, seed=9)
+    known = PosteriorComparator(4, seed=0, particles=300, raters=True)
+    found = qlearn.solve(mdp, tutors, known, tolerance=0.02, max_queries=60, seed=0)
     assert qlearn.policy_loss(mdp, found.policy, values).max() <= found.loss_bound
+    names = [*tutors]
+    assert found.answers.who == tuple(names[i % 4] for i in range(len(found.answers)))
     assert isinstance(found.comparator, PosteriorComparator)
-    assert {*found.comparator.reliability()} <= {*FIVE}
+    assert {*found.comparator.reliability()} == {*names}
+    again = qlearn.solve(
+        mdp, tutors["ann"], PosteriorComparator(4, raters=True), tolerance=0.1, seed=0
+    )
+    assert {*again.answers.who} <= {None}
