@@ -262,7 +262,14 @@ class Panel:
         -------
         PersonAsked or None
             None if nobody can tell more.
+
+        Raises
+        ------
+        TypeError
+            If ``besides`` is a single name: it takes a list of names.
         """
+        if isinstance(besides, str):
+            raise TypeError(f"besides takes several names: put the one into a list, [{besides!r}]")
         row = as_differences(d, self.k)[0]
         if len(self.people) == 1:
             return None if self.people[0] in besides else PersonAsked(self.people[0], row)
