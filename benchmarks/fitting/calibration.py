@@ -57,8 +57,8 @@ LEAST_GAP = 1e-9  # a tutor's levels must differ in floats
 class Setting(NamedTuple):
     """A law of scales, and a tutor: the standard deviation of their logits over the pairs asked,
     or 0 where they flip a share ``flips`` of the answers instead; ``equal``: the largest |d.e| that
-    they call equal. ``counts``: after how many answers fresh pairs are judged. ``learners``: True if
-    learners run on it too. ``times``: how many times as many data sets."""
+    they call equal. ``counts``: after how many answers fresh pairs are judged. ``learners``: True
+    if learners run on it too. ``times``: how many times as many data sets."""
 
     name: str
     law: str
@@ -310,8 +310,8 @@ def scale(law: str, k: int, rng: Rng) -> Floats:
 def tutor(
     setting: Setting, values: Floats, asked: Floats, seed: int
 ) -> tuple[BradleyTerryTutor | FlippingTutor, float]:
-    """The tutor, and the precision to tell the Bradley-Terry rules: the tutor's own, or their default
-    where there is none.
+    """The tutor, and the precision to tell the Bradley-Terry rules: the tutor's own, or their
+    default where there is none.
     """
     spread = float(np.std(asked @ values)) if len(asked) else 0.0
     if not setting.spread:
