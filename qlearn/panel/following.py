@@ -76,12 +76,11 @@ def cost_of_following(mdp: OrdinalMDP, panel: Panel) -> Following:
     Raises
     ------
     TypeError
-        If ``panel`` is no Panel.
+        If ``mdp`` is no OrdinalMDP, or ``panel`` no Panel.
     ValueError
         If the MDP has another number of levels.
     """
-    if not isinstance(panel, Panel):
-        raise TypeError(f"an elicit.Panel is wanted, not {panel!r}")
+    check_panel(mdp, panel)
     scales = {name: best_guess(member) for name, member in panel.members.items()}
     policies = [value_iteration(mdp, scale)[1] for scale in (*scales.values(), panel.values)]
     losses = [
@@ -93,3 +92,13 @@ def cost_of_following(mdp: OrdinalMDP, panel: Panel) -> Following:
         for member in panel.members.values()
     ]
     return Following(panel.people, (*panel.people, "the mean"), np.array(losses), np.array(bounds))
+
+
+def check_panel(mdp: OrdinalMDP, panel: Panel) -> None:
+    """Raise TypeError or ValueError unless these are an MDP and a panel of its levels."""
+    if not isinstance(mdp, OrdinalMDP):
+        raise TypeError(f"mdp must be a qlearn.OrdinalMDP, not {mdp!r}")
+    if not isinstance(panel, Panel):
+        raise TypeError(f"an elicit.Panel is wanted, not {panel!r}")
+    if panel.k != mdp.k:
+        raise ValueError(f"the MDP has {mdp.k} levels, but the panel's scales have {panel.k}")
