@@ -19,6 +19,7 @@ from benchmarks.contest import problems
 from benchmarks.contest.methods import METHODS, WORST
 from benchmarks.contest.run import KEY, ROWS, load
 from benchmarks.reporting import markdown, publish, with_interval
+from elicit.catalogue import COMPARATORS, LOOKS
 from elicit.model.scale import Floats
 
 ENOUGH = 0.01
@@ -28,18 +29,18 @@ OURS, PROVEN, RANDOM = "ours: posterior", "ours: polytope", "random pairs"
 AS_THEY_ARE = "ours: posterior, as they are"
 COMPARED = (3, 5, 10, 30)
 DRAWN = {  # in the picture, with a colour
-    PROVEN: "black",
-    OURS: "tab:red",
-    AS_THEY_ARE: "darkred",
+    PROVEN: COMPARATORS["polytope"].color,
+    OURS: COMPARATORS["posterior"].color,
+    AS_THEY_ARE: COMPARATORS["posterior"].color,
     "minimax regret: current solution": "tab:blue",
-    "expected utility (EVOI, EUBO)": "tab:orange",
+    "expected utility (EVOI, EUBO)": "gold",
     "polyhedral (Toubia)": "tab:green",
     "IDRL": "tab:purple",
-    "APReL: mutual information": "tab:pink",
+    "APReL: mutual information": "black",
     "Gaussian process (Zintgraf)": "tab:olive",
     "policy comparisons (Shao)": "tab:brown",
     "bisection of each level": "tab:cyan",
-    RANDOM: "tab:gray",
+    RANDOM: LOOKS["random questions"]["color"],
 }
 
 
