@@ -130,7 +130,7 @@ from elicit.person.course.further import LEVEL, level_question, order_question
 from elicit.person.course.pace import FEW_HASTY, Pace
 from elicit.person.course.progress import Progress
 from elicit.person.course.repeats import LEAST_CHECKS
-from elicit.person.drawing import MINUTES, Drawing, shown_of
+from elicit.person.drawing import MINUTES, Drawing, legend_of, shown_of
 from elicit.person.drawing import Subject as Subject
 from elicit.person.look_ahead import LookAhead
 from elicit.person.outlook import Outlook, Prospects
@@ -341,13 +341,13 @@ class Interview(Drawing, Closing):
             return replace(before or Progress((), None), entries=entries, comparator=known)
         end = screen["end"]
         settled = end is not None and bool(end["settled"])
-        return Progress(entries, known, str(screen["stage"]), settled, screen["budget"])
+        return Progress(entries, known, screen["stage"], settled, screen["time"]["planned"])
 
     def _after_all(self, note: str) -> dict[str, Any]:
         """Return the screen of an interview that takes no more answers."""
         screen = self._result()
-        screen["end"]["more"] = False
-        return {**screen, "last": None, "note": note}
+        end = {**screen["end"], "more": False, "next": ""}
+        return {**screen, "end": end, "last": None, "note": note}
 
     def _screen(self, note: str | None = None) -> dict[str, Any]:
         session, words = self._session, self._subject.words
@@ -405,7 +405,7 @@ class Interview(Drawing, Closing):
             "title": printable(words.title),
             "preamble": printable(words.preamble),
             "note_beside": printable(words.note),
-            "legend": self._legend(),
+            "legend": legend_of(self._subject),
             "stage": "welcome",
             "answered": sum(not entry.repeat for entry in standing),
             "open_conflicts": sum(CONTRADICTS in e.metadata and not e.used for e in standing),

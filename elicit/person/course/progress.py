@@ -22,15 +22,15 @@ class Progress:
         The stage of the last screen. None as long as the person did not come.
     settled : bool
         True if that screen was a result that is settled.
-    planned : int or None
-        Number of questions that the person planned.
+    minutes : int or None
+        The time that the person planned.
     """
 
     entries: tuple[Entry, ...]
     comparator: Comparator | None
     stage: str | None = None
     settled: bool = False
-    planned: int | None = None
+    minutes: int | None = None
 
     @property
     def answered(self) -> int:

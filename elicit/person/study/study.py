@@ -5,7 +5,7 @@ JSON as those of ``elicit.person.interview``. Every message is ``{"do": ...}``:
 
 ``state``
     The reply has ``title``, ``ended``, ``facts`` (pairs), ``report`` (how to make the report) and
-    ``people``. Each of these has ``who``, ``answered``, ``planned`` (number of questions, or null),
+    ``people``. Each of these has ``who``, ``answered``, ``minutes`` (that they planned, or null),
     ``state`` (a phrase), ``settled`` and ``last`` (the time of the last answer, or null).
 ``agreement``
     The reply has ``people`` (those with answers), ``few`` (a sentence if there are too few of them,
@@ -35,7 +35,6 @@ from elicit.tutors.answer_log import Entry
 
 _ENDED = "The study has ended, so no more answers are taken. Thank you. This is your result."
 _TOO_FEW = "Agreement is shown once two people have answered."
-_NOT_COMPARED = "This comparator does not say what it knows of a person's scale."
 _STATES = {
     "welcome": "at the welcome page",
     "practice": "at the practice question",
@@ -114,7 +113,7 @@ class Study(Closing):
                 {
                     "who": printable(who),
                     "answered": interview.progress.answered,
-                    "planned": interview.progress.planned,
+                    "minutes": interview.progress.minutes,
                     "state": _state(interview.progress),
                     "settled": interview.progress.settled,
                     "last": interview.progress.last,
@@ -142,15 +141,11 @@ class Study(Closing):
                 for who, now in found.items()
                 if answers[who] and now.comparator is not None
             }
-            if len(known) < 2:
-                some = any(said and found[who].comparator is None for who, said in answers.items())
-                few = _NOT_COMPARED if some else _TOO_FEW
-                return {"people": [printable(who) for who in known], "few": few, **_NOTHING}
             turns = self._company.turns
             turns.take(lambda: False)
             try:
                 entries = {who: found[who].entries for who in known}
-                reply = drawn_agreement(known, entries, self._subject.labels)
+                reply = agreed_so_far(known, entries, self._subject.labels)
             finally:
                 turns.leave()
             self._agreed = key, reply
@@ -172,12 +167,12 @@ class Study(Closing):
 _NOTHING: dict[str, Any] = {"levels": [], "certainty": "", "questions": [], "groups": []}
 
 
-def drawn_agreement(
+def agreed_so_far(
     known: Mapping[str, Comparator],
     entries: Mapping[str, tuple[Entry, ...]],
     labels: tuple[str, ...],
 ) -> dict[str, Any]:
-    """Return the agreement of at least two people as JSON.
+    """Return the agreement of people as JSON.
 
     Parameters
     ----------
@@ -193,6 +188,8 @@ def drawn_agreement(
     dict
         As the reply to ``agreement`` (see the module).
     """
+    if len(known) < 2:
+        return {"people": [printable(who) for who in known], "few": _TOO_FEW, **_NOTHING}
     found = agreement(Panel(known), [printable(label) for label in labels])
     scales = {who: scale_rows(one, labels, entries[who]) for who, one in known.items()}
     levels = [

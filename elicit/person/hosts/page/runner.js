@@ -105,12 +105,12 @@ function introduction({ ended }) {
 }
 
 function person(one, ended) {
-  const planned = one.planned ? ` of ${one.planned} planned` : "";
   const parts = [
     part("h2", "", {}, [one.who]),
-    part("span", "", {}, [part("b", "", {}, [many(one.answered, "answer")]), planned]),
+    part("b", "", {}, [many(one.answered, "answer")]),
     part("span", one.settled ? "status good" : "soft", {}, [words(one)]),
   ];
+  if (one.minutes) parts.push(part("span", "soft", {}, [`planned ${many(one.minutes, "minute")}`]));
   const when = one.last && new Date(one.last).toLocaleString(undefined, WHEN);
   if (when) parts.push(part("span", "soft small", {}, ["last answer ", part("time", "", { datetime: one.last }, [when])]));
   const inside = [part("div", "who", {}, parts)];
@@ -151,24 +151,25 @@ function agreeing({ few, levels, certainty, questions, groups, people: who }) {
     "Each level's value to each person, from 0, the worst level, to 100, the best. The bar is what is still possible, " +
     "and the dot is the best guess. A dashed bar is a level that none of the person's answers is about. " +
     `The ranges hold ${certainty}.`;
-  const rows = levels.flatMap(({ label, each }, i) =>
-    each.map((one, j) => {
+  const rows = levels.flatMap(({ label, each }, i) => [
+    part("tr", "first", {}, [part("th", "level", { scope: "rowgroup", colspan: "3" }, [label])]),
+    ...each.map((one) => {
       const range = one.low === one.high ? "fixed" : `${one.low} to ${one.high}`;
       const guess = one.asked ? `${Math.round(one.value)} (${range})` : `unknown (${range})`;
       const colour = colourOf(levels.length - 1 - i, levels.length);
       const cells = [
-        part("td", "name", {}, [one.who]),
+        part("th", "name", { scope: "row" }, [one.who]),
         part("td", "drawn", {}, [interval(one.low, one.value, one.high, colour, one.asked)]),
         part("td", "number", {}, [one.low === one.high ? String(one.low) : guess]),
       ];
-      if (j === 0) cells.unshift(part("th", "level", { scope: "rowgroup", rowspan: String(each.length) }, [label]));
-      return part("tr", `${j === 0 ? "first" : ""}${j === each.length - 1 ? " last" : ""}`.trim(), {}, cells);
+      return part("tr", "", {}, cells);
     }),
-  );
-  const names = ["Level", "Person", null, "Best guess"];
-  const heads = names.map((name) => (name ? part("th", name === "Best guess" ? "number" : "", { scope: "col" }, [name]) : part("td", "drawn", {}, [axis()])));
-  heads[0].classList.add("level");
-  heads[1].classList.add("name");
+  ]);
+  const heads = [
+    part("th", "name", { scope: "col" }, ["Person"]),
+    part("td", "drawn", {}, [axis()]),
+    part("th", "number", { scope: "col" }, ["Best guess (range)"]),
+  ];
   const table = part("table", "each", {}, [
     part("caption", "soft", {}, [said]),
     part("thead", "", {}, [part("tr", "", {}, heads)]),
