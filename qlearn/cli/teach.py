@@ -390,7 +390,8 @@ def _asked_name() -> str | None:
 
 def in_a_path(who: str) -> str:
     """Return a name as a part of a file's name: letters, digits, and hyphens for all else."""
-    return re.sub(r"[^\w]+", "-", who).strip("-_") or "person"
+    whole = unicodedata.normalize("NFC", who)  # a letter and its accent are one character
+    return re.sub(r"[^\w]+", "-", whole).strip("-_") or "person"
 
 
 def begun_with(path: Path, recipe: dict[str, Any]) -> dict[str, Any]:

@@ -168,7 +168,10 @@ def refused_as_running(folder: Path) -> str:
         (",".join(f"p{i}" for i in range(51)), "at most 50 people"),
     ],
 )
-def test_names_that_cannot_be(names: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_names_that_cannot_be(
+    names: str, said: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("qlearn.cli.teach.run", lambda **_: 0)
     with pytest.raises(SystemExit) as stopped:
         main(["teach", "--web", "--people", names])
     assert stopped.value.code == 2
@@ -255,16 +258,19 @@ def test_logs_that_make_no_report_are_named(
     assert "qlearn result answers-care-ann.jsonl" in said(logs[0])
     assert "both of 'ann'" in said(logs[0], logs[0])
     assert "none.jsonl" in said(logs[0], "none.jsonl")
-    with AnswerLog("plain.jsonl", 3, who="chen"):
-        pass
+    with AnswerLog("plain.jsonl", 3, who="chen") as plain:
+        plain.mark_restart()
     assert "plain.jsonl is about another problem" in said(logs[0], "plain.jsonl")
     for who, comparator in (("dan", "polytope"), ("eve", "posterior")):
-        recipe = {"problem": "care.csv", "comparator": comparator, "seed": 0}
+        recipe = {"problem": "care.csv", "comparator": comparator, "unit": "patients"}
         header = {**AnswerLog.read(logs[0]).header, "recipe": recipe}
         kept = {n: header[n] for n in ("labels", "unit", "problem", "recipe")}
-        with AnswerLog(f"{who}.jsonl", 3, kept, who):
-            pass
+        with AnswerLog(f"{who}.jsonl", 3, kept, who) as empty:
+            empty.mark_restart()
     assert "choose one with --comparator" in said("dan.jsonl", "eve.jsonl")
     assert main(["report", "dan.jsonl", "eve.jsonl", "--comparator", "polytope"]) == 0
     assert "once two people have answered" in Path("study/report.html").read_text()
     assert not Path("none.jsonl").exists()
+    Path("frida.jsonl").touch()  # of somebody who never came
+    assert main(["report", *logs, "frida.jsonl"]) == 0
+    assert "frida" in Path("study/report.html").read_text()
