@@ -155,7 +155,7 @@ def _common_recipe(named: Mapping[str, AnswerLog], given: Mapping[str, Any]) -> 
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """What the log of one person says: texts, tables, and the comparator that learned it."""
+    """Findings in the log of one person: texts, tables, and the comparator that learned it."""
 
     person: PersonFound
     tables: Mapping[str, list[dict[str, Any]]]

@@ -8,7 +8,7 @@ import shlex
 import sys
 import unicodedata
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
@@ -219,10 +219,33 @@ def run(
         wrong = _not_for_several(log, how)
         if wrong:
             return fail(wrong)
-        from qlearn.cli.teach_study import run_study
+        from qlearn.cli.teach_study import StudyPlan, run_study
 
-        settings = StudySettings(problem, comparator, days, unit, seed, tolerance, audit)
-        return run_study(settings, people, how)
+        recipe = {
+            "problem": name,
+            "comparator": comparator,
+            "days": days,
+            "unit": unit,
+            "seed": seed,
+            "tolerance": tolerance,
+        }
+        paths = {who: Path(f"answers-{short}-{in_a_path(who)}.jsonl") for who in people}
+        headers = {who: begun_with(path, recipe) for who, path in paths.items()}
+        some = ["--people", ",".join(people)]
+        if how["invite"]:
+            some = ["--invite", str(len(people))]
+        again = ["qlearn", "teach", "--web", *some, "--problem", name, "--comparator", comparator]
+        again += ["--days", str(days), "--seed", str(seed), "--audit", str(audit)]
+        again += [] if unit is None else ["--unit", unit]
+        again += [] if name.lower().endswith(".csv") else ["--tolerance", str(tolerance)]
+        again += address_options(how)
+        report = ["qlearn", "report", *map(str, paths.values()), "--out", f"study-{short}"]
+        plan = StudyPlan(paths, headers, audit, seed, shlex.join(again), shlex.join(report))
+
+        def taught_now() -> Taught:
+            return taught_by(problem, comparator, days, unit, seed, tolerance)
+
+        return run_study(plan, taught_now, how["host"], how["port"], how["let_others_in"])
     try:
         who = how["who"] or (None if log else _asked_name())
     except KeyboardInterrupt:
@@ -282,19 +305,6 @@ def _say_plan(taught: Taught, session: Session, questions: int) -> None:
     )
     with suppress(KeyboardInterrupt):
         print(f"Your plan: {taught.plan(asker.comparator, questions)}", flush=True)
-
-
-@dataclass(frozen=True)
-class StudySettings:
-    """The options of ``qlearn teach`` that all people of a study share."""
-
-    problem: str | Own
-    comparator: str
-    days: int
-    unit: str | None
-    seed: int
-    tolerance: float
-    audit: float
 
 
 def _not_for_several(log: Path | None, how: SessionOptions) -> str:

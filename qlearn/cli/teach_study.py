@@ -2,62 +2,70 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from qlearn.cli.options import fail
-from qlearn.cli.teach import (
-    SessionOptions,
-    StudySettings,
-    address_options,
-    begun_with,
-    in_a_path,
-    short_name,
-)
 
 if TYPE_CHECKING:
     from elicit import Session
+    from qlearn.cli.teach_subjects import Taught
 
 
-def run_study(settings: StudySettings, people: Sequence[str], how: SessionOptions) -> int:
+@dataclass(frozen=True, eq=False)
+class StudyPlan:
+    """The people of a study, their logs, and the commands that are printed.
+
+    Attributes
+    ----------
+    paths : mapping of str to Path
+        The log of each person, by name.
+    headers : mapping of str to dict
+        Further fields of each log's header.
+    audit : float
+        The share of questions in front of which an earlier one is put again.
+    seed : int
+    again : str
+        The command that goes on.
+    report : str
+        The command that makes the report.
+    """
+
+    paths: Mapping[str, Path]
+    headers: Mapping[str, Mapping[str, Any]]
+    audit: float
+    seed: int
+    again: str
+    report: str
+
+
+def run_study(
+    plan: StudyPlan, make: Callable[[], Taught], host: str, port: int, let_others_in: bool
+) -> int:
     """Serve the pages of a study until Ctrl+C, and return the exit code."""
     from elicit import AnswerLog, Session
     from elicit.person.hosts.study_web import serve_study
     from elicit.person.showing import printable
     from elicit.person.study.study import Study
-    from qlearn.cli.teach_subjects import taught_by
 
-    problem, comparator, days, unit, seed, tolerance, audit = vars(settings).values()
-    name = problem if isinstance(problem, str) else problem.name
-    short = short_name(name)
-    paths = {who: Path(f"answers-{short}-{in_a_path(who)}.jsonl") for who in people}
-    report = shlex.join(["qlearn", "report", *map(str, paths.values()), "--out", f"study-{short}"])
     with ExitStack() as stack:
         try:
-            taught = taught_by(problem, comparator, days, unit, seed, tolerance)
+            taught = make()
             if taught.hint:
                 print(printable(taught.hint), file=sys.stderr, flush=True)
             print("Getting ready ...", file=sys.stderr, flush=True)
-            recipe = {
-                "problem": name,
-                "comparator": comparator,
-                "days": days,
-                "unit": unit,
-                "seed": seed,
-                "tolerance": tolerance,
-            }
             k, sessions = len(taught.subject.labels), dict[str, Session]()
-            for who, path in paths.items():
-                header = {**taught.header, **begun_with(path, recipe)}
+            for who, path in plan.paths.items():
+                header = {**taught.header, **plan.headers[who]}
                 log = stack.enter_context(AnswerLog(path, k, header, who))
-                session = Session(taught.make, log, who=who, audit=audit, seed=seed)
+                session = Session(taught.make, log, who=who, audit=plan.audit, seed=plan.seed)
                 sessions[who] = stack.enter_context(session)
-            study = stack.enter_context(Study(sessions, taught.subject, report))
-            serve_study(study, how["host"], how["port"], let_others_in=how["let_others_in"])
+            study = stack.enter_context(Study(sessions, taught.subject, plan.report))
+            serve_study(study, host, port, let_others_in=let_others_in)
         # a package is missing, a problem cannot be, a log is in use, damaged, another's, or not to
         # be written, an address lets others in, a port is in use
         except (ImportError, ValueError, OSError) as error:
@@ -65,27 +73,12 @@ def run_study(settings: StudySettings, people: Sequence[str], how: SessionOption
         except KeyboardInterrupt:
             return 130
         kept = ", ".join(f"{who} {_answers(session)}" for who, session in sessions.items())
-    again = _again(settings, name, people, how)
-    print(printable(f"Kept: {kept}."), flush=True)
-    print(
-        f"To go on:\n  {printable(again)}\nTo make the report:\n  {printable(report)}", flush=True
-    )
+    print(printable(f"Kept: {kept}."))
+    print(f"To go on:\n  {printable(plan.again)}")
+    print(f"To make the report:\n  {printable(plan.report)}", flush=True)
     return 0
 
 
 def _answers(session: Session) -> str:
     n = sum(not entry.retracted and not entry.repeat for entry in session.log)
     return f"{n} answer{'' if n == 1 else 's'}"
-
-
-def _again(settings: StudySettings, name: str, people: Sequence[str], how: SessionOptions) -> str:
-    """Return the command that goes on."""
-    invited = how["invite"] is not None
-    some = ["--invite", str(len(people))] if invited else ["--people", ",".join(people)]
-    again = ["qlearn", "teach", "--web", *some, "--problem", name]
-    again += ["--comparator", settings.comparator, "--days", str(settings.days)]
-    again += ["--seed", str(settings.seed)]
-    again += [] if settings.unit is None else ["--unit", settings.unit]
-    again += [] if name.lower().endswith(".csv") else ["--tolerance", str(settings.tolerance)]
-    again += ["--audit", str(settings.audit), *address_options(how)]
-    return shlex.join(again)

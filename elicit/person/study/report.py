@@ -114,7 +114,7 @@ def study_page(
         *_people(people),
         *_agreement(agreed),
         *_following(following),
-        "<h2>What each person read at the end</h2>",
+        "<h2>Each person's result, in the words of their own page</h2>",
         *(line for one in people for line in _told(one)),
     ]
     if details.preamble or details.legend:
@@ -244,7 +244,7 @@ def _following(found: FollowingTable | None) -> Iterator[str]:
 
 
 def _told(one: PersonFound) -> Iterator[str]:
-    """Return what a person read at the end, and their answers that contradict each other."""
+    """Return a person's result in words, and their answers that contradict each other."""
     end = one.end
     yield f'<p><span class="mark">{escaped(one.who)}</span>: {escaped(counted(end["counts"]))}</p>'
     said = [end[part] for part in ("headline", "caution", "sure", "before") if end.get(part)]

@@ -526,6 +526,16 @@ def test_answers_that_do_not_go_together_are_said_and_change_with_the_comparator
     assert all(" rather than " in item or " as good as " in item for item in items)
 
 
+def test_choices_of_a_conflict_say_what_each_leaves(
+    table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    chance = random.Random(3)
+    typed = "".join(f"{chance.choice('ab')}\n" for _ in range(60))
+    _, shown, _ = taught(typed, monkeypatch, capsys, table, "--comparator", "polytope")
+    said = " ".join(shown.split())
+    assert re.search(r"1: [^:]+?\. Keeps \d+ of \d+ answers\. The result could then lose", said)
+
+
 def test_names_in_a_file_cannot_steer_the_terminal(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
