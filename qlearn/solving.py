@@ -7,7 +7,7 @@ from typing import Any
 
 from elicit._support.hashing import Seed
 from elicit._support.seeds import seed_of
-from elicit.model.comparator import Comparator, people_of
+from elicit.model.comparator import Comparator
 from elicit.model.tutor import check_tutor_made
 from elicit.tutors.answer_log import AnswerLog
 from elicit.tutors.panel import as_one_tutor
@@ -91,7 +91,7 @@ def solve(
     _check_mdp(mdp)
     key = seed_of(seed)
     knows = _named(comparator, key, mdp.k)
-    tutor = as_one_tutor(tutor, people_of(knows))
+    tutor = as_one_tutor(tutor, knows)
     check_tutor_made(tutor, mdp.k)
     check_problem(mdp, knows)
     if not isinstance(learner, str) or learner not in LEARNERS:

@@ -29,7 +29,9 @@ KNOWN = 0.9  # probability from which on it counts as known which side a person 
 _SHARES = (0.25, 0.5, 0.75)  # of the better level, in the mixtures that questions are about
 _COARSE = 6  # digits to which scores are compared
 
-FromPeople: TypeAlias = Panel | Answers | Sequence[AnswerLog] | Mapping[str, AnswerLog]
+FromPeople: TypeAlias = (
+    Panel | Answers | Sequence[AnswerLog] | Mapping[str, AnswerLog] | Mapping[str, Answers]
+)
 """A panel, answers that say who gave them, or logs: each of one person, or by name."""
 
 
@@ -207,7 +209,7 @@ def _panel_of(people: FromPeople, make: Callable[[int], Comparator] | None) -> P
             )
         told = {str(name): people.of_person(name) for name in dict.fromkeys(people.who)}
     elif isinstance(people, Mapping):
-        told = {name: log.answers() for name, log in people.items()}
+        told = {name: _of_one(name, log) for name, log in people.items()}
     elif isinstance(people, Sequence) and all(isinstance(log, AnswerLog) for log in people):
         told = {}
         for log in people:
@@ -229,6 +231,20 @@ def _panel_of(people: FromPeople, make: Callable[[int], Comparator] | None) -> P
         raise ValueError("agreement needs the answers of at least one person")
     makes = make or (lambda k: PosteriorComparator(k, seed=0))
     return Panel({name: makes(answers.k).update(answers) for name, answers in told.items()})
+
+
+def _of_one(name: str, log: AnswerLog | Answers) -> Answers:
+    """Return the answers of a person. Raises TypeError and ValueError."""
+    if not isinstance(log, AnswerLog | Answers):
+        raise TypeError(f"agreement takes an AnswerLog or Answers of {name!r}, not {log!r}")
+    answers = log if isinstance(log, Answers) else log.answers()
+    whose = [*dict.fromkeys(answers.who)]
+    if len(whose) > 1:
+        raise ValueError(
+            f"the answers of {name!r} are of several people, {', '.join(map(repr, whose))}: give "
+            "agreement the answers of each by name (Answers.of_person), or all in one, as Answers"
+        )
+    return answers
 
 
 def _mixtures(k: int) -> tuple[Floats, Floats]:

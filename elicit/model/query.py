@@ -450,21 +450,27 @@ class Answers:
     def __repr__(self) -> str:
         return f"Answers({len(self)} answers, k={self.k})"
 
-    def without(self, ids: Iterable[str]) -> Answers:
+    def without(self, ids: Iterable[str], who: str | None = None) -> Answers:
         """The other answers, in the same order: every row that bears one of these ids is left out.
+
+        Several people may have answered the question of an id. With ``who`` only that person's
+        answers are left out.
 
         Raises ValueError for an id that no row bears, and TypeError for a bare string.
         """
         if isinstance(ids, str):
             raise TypeError(f"without takes several ids: put the one id into a list, [{ids!r}]")
         out = {str(name) for name in ids}
-        if unknown := ", ".join(map(repr, sorted(out.difference(self.ids)))):
+        own = [row for row, name in enumerate(self.who) if who is None or name == who]
+        if unknown := ", ".join(map(repr, sorted(out.difference(self.ids[row] for row in own)))):
             reason = (
                 "it was left out already, or belongs to another problem; `ids` lists those that "
                 "are here"
             )
-            raise ValueError(f"no answer here has the id {unknown}: {reason}")
-        return self.take([row for row, name in enumerate(self.ids) if name not in out])
+            whose = "" if who is None else f" of {who!r}"
+            raise ValueError(f"no answer{whose} here has the id {unknown}: {reason}")
+        gone = {row for row in own if self.ids[row] in out}
+        return self.take([row for row in range(len(self)) if row not in gone])
 
     def take(self, rows: Sequence[int]) -> Answers:
         """Return the answers in these rows, in this order."""

@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from elicit._support.validation import require
+from elicit._support.validation import is_list, is_number, require
+from elicit.model.difference import as_vectors
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats
 
@@ -185,11 +186,20 @@ def worth(shares: ArrayLike, weights: Weights) -> Floats:
     shares : (n, 7)
         Shares of the levels, worst first.
     weights : Weights
-        One of ``WEIGHTS``.
+        One of ``WEIGHTS``, or your own.
+
+    Raises
+    ------
+    TypeError
+        If ``weights`` are none, such as the name of some.
+    ValueError
+        If there are not seven weights, or they are all the same, or shares are not of seven levels.
     """
-    values = np.array(weights.values)
+    values = _values_of(weights)
     low, high = values.min(), values.max()
-    return np.asarray(np.atleast_2d(shares) @ ((values - low) / (high - low)))
+    require(high > low, "weights", "numbers of which some differ", weights.values)
+    rows = as_vectors(shares, len(LEVELS), "shares")
+    return np.asarray(rows @ ((values - low) / (high - low)))
 
 
 def tutor_of(weights: Weights) -> Callable[[Query], Answer]:
@@ -204,8 +214,10 @@ def tutor_of(weights: Weights) -> Callable[[Query], Answer]:
 
     Raises
     ------
+    TypeError
+        If ``weights`` are none, such as the name of some.
     ValueError
-        If there are not seven weights.
+        If there are not seven weights; by the tutor, for a query about other levels.
 
     Examples
     --------
@@ -214,11 +226,28 @@ def tutor_of(weights: Weights) -> Callable[[Query], Answer]:
     >>> tutor(elicit.Query.make("example", 0, bedridden, dead)).verdict
     <Verdict.WORSE: -1>
     """
-    require(len(weights.values) == len(LEVELS), "weights", f"{len(LEVELS)} numbers", weights.values)
+    values = _values_of(weights)
 
     def answer(query: Query) -> Answer:
-        apart = float(np.dot(query.d, weights.values))
+        if len(query.d) != len(LEVELS):
+            raise ValueError(
+                f"query {query.id} is about {len(query.d)} levels, but these weights are of "
+                f"{len(LEVELS)}"
+            )
+        apart = float(np.dot(query.d, values))
         sign = 0 if abs(apart) <= _EXACT else 1 if apart > 0 else -1
         return Answer(query, Verdict(sign))
 
     return answer
+
+
+def _values_of(weights: Weights) -> Floats:
+    """Return the worth (7,) of each level. Raises TypeError and ValueError."""
+    if not isinstance(weights, Weights):
+        raise TypeError(
+            f"weights must be rankin.Weights, such as WEIGHTS[{next(iter(WEIGHTS))!r}], not "
+            f"{weights!r}"
+        )
+    known = is_list(weights.values, len(LEVELS)) and all(map(is_number, weights.values))
+    require(known, "weights", f"{len(LEVELS)} finite numbers", weights.values)
+    return np.array(weights.values, dtype=float)

@@ -20,7 +20,7 @@ from elicit._support.hashing import Seed
 from elicit._support.seeds import seed_of
 from elicit._support.validation import is_number, require
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import tie_of
+from elicit.model.comparator import people_of, tie_of
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 from elicit.person.asker import (
     AfterAnswer,
@@ -103,7 +103,8 @@ class Session(Closing):
     TypeError
         If ``asker`` is neither of these.
     ValueError
-        If only a function can go on with this log.
+        If only a function can go on with this log, or if the asker's questions go to several
+        people: a session is one person's.
     BadLog, BlockingIOError, OSError
         As ``AnswerLog`` raises them, also for a log of another person.
     """
@@ -147,7 +148,7 @@ class Session(Closing):
                 self._stamp[WHO] = person
             self._repeats = Repeats(self._log, float(audit or 0.0), self.seed)
             self._replayed = ReplayedAsker(asker, self._log, self._now)
-            self._replayed.current()
+            _check_one_person(self._replayed.current())
         except BaseException:
             self.close()
             raise
@@ -569,3 +570,14 @@ def _unchanged(said: Answer, verdict: Verdict | int | None) -> Answer:
 
 def _word(verdict: Verdict | None) -> str:
     return "'cannot tell'" if verdict is None else repr(verdict.name.lower())
+
+
+def _check_one_person(asker: Asker) -> None:
+    """Raise ValueError if the asker's questions go to several people."""
+    people = people_of(asker.comparator) if isinstance(asker, Compares) else ()
+    if len(people) > 1:
+        raise ValueError(
+            f"a session is one person's, but the questions go to {', '.join(map(repr, people))}: "
+            "make a session and a log for each, with a comparator of their own, and put these into "
+            "an elicit.Panel afterwards; or call drive with the tutor of each by name"
+        )

@@ -1,20 +1,23 @@
 """Several people as one tutor: each question goes to the person whom it asks."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
 
+from elicit.model.comparator import Comparator, people_of
 from elicit.model.query import Answer, Query, as_verdict
 from elicit.model.tutor import KnowsLevels, check_tutor_made
 
 
 def as_one_tutor(
     tutor: Callable[[Query], Answer | int] | Mapping[str, Callable[[Query], Answer | int]],
-    people: Sequence[str],
+    comparator: Comparator,
 ) -> Callable[[Query], Answer | int]:
-    """Return a tutor as it is, and several by name as a ``PanelTutor`` for these people.
+    """Return a tutor as it is, and several by name as one who asks the person a query names.
+
+    A comparator of several raters names nobody: then they are asked by turns.
 
     Raises
     ------
@@ -23,11 +26,15 @@ def as_one_tutor(
     """
     if not isinstance(tutor, Mapping):
         return tutor
+    if getattr(comparator, "raters", False):
+        return TutorsByTurns(tutor)
+    people = people_of(comparator)
     if not {*people} <= {*tutor} or (not people and len(tutor) > 1):
         asked = ", ".join(map(repr, people)) or "one tutor alone, for there is no elicit.Panel"
         raise ValueError(
             f"the tutors are of {', '.join(map(repr, tutor))}, but the questions go to {asked}: "
-            "give the tutor of each member of the panel by name"
+            "give the tutor of each member of the panel by name, or, if all have one scale, a "
+            "PosteriorComparator(k, raters=True)"
         )
     return PanelTutor(tutor)
 
@@ -77,3 +84,22 @@ class PanelTutor:
         if isinstance(said, (int, np.integer)):
             return Answer(query, as_verdict(said), who=who)
         return said if said.who is not None else replace(said, who=who)
+
+
+class TutorsByTurns(PanelTutor):
+    """A tutor that puts each query to the next of several people.
+
+    A query that asks somebody goes to that person.
+    """
+
+    def __init__(self, tutors: Mapping[str, Callable[[Query], Answer | int]]) -> None:
+        super().__init__(tutors)
+        self._asked = 0
+
+    def __call__(self, query: Query) -> Answer:
+        """Return the answer of the person whose turn it is, in their name."""
+        if query.who is None:
+            names = [*self.tutors]
+            query = replace(query, who=names[self._asked % len(names)])
+            self._asked += 1
+        return super().__call__(query)

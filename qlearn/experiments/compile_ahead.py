@@ -16,6 +16,7 @@ from elicit.asking.choose_from_list import choose
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import Comparator
+from elicit.model.query import Answers
 from elicit.model.scale import Floats
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from qlearn.experiments.catalogue import COMPARATORS, LEARNERS
@@ -46,8 +47,11 @@ def proofs() -> None:
 
 @jit.compiling()
 def moves() -> None:
-    """Let the posterior learn answers."""
+    """Let the posterior learn answers, of one person and of two."""
     _choose(PosteriorComparator(5, particles=50, seed=0))
+    rows = np.diff(_rows(21), axis=0)
+    answers = Answers(rows, [1, -1] * 10, who=["ann", "ann", "ben", "ben"] * 5)
+    PosteriorComparator(5, particles=50, seed=0, raters=True).update(answers)
 
 
 @jit.compiling()

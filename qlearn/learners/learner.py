@@ -19,7 +19,7 @@ from elicit._support.validation import is_number, require
 from elicit.asking.elicitation import AnsweredQuery, Audit, Elicitation, OnConflict, Pair, Watcher
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.comparators.panel import Panel
-from elicit.model.comparator import Comparator, Tier, check_comparator_made, people_of, wrong_of
+from elicit.model.comparator import Comparator, Tier, check_comparator_made, wrong_of
 from elicit.model.needs import Needs
 from elicit.model.outcomes import Status, assumed_of_answers
 from elicit.model.query import (
@@ -527,7 +527,7 @@ def drive(
     logged, where the tutor answers what was not asked.
     """
     require(on_conflict in ("raise", "drop"), "on_conflict", "'raise' or 'drop'", on_conflict)
-    tutor = as_one_tutor(tutor, people_of(learner.comparator))
+    tutor = as_one_tutor(tutor, learner.comparator)
     check_tutor_made(tutor, learner.comparator.k)
     signs = _signs_of(tutor) if isinstance(learner.comparator, AlwaysAsk) else None
     if signs is not None:

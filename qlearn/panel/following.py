@@ -84,12 +84,11 @@ def cost_of_following(mdp: OrdinalMDP, panel: Panel) -> Following:
     Raises
     ------
     TypeError
-        If ``panel`` is no Panel.
+        If ``mdp`` is no OrdinalMDP, or ``panel`` no Panel.
     ValueError
         If the MDP has another number of levels.
     """
-    if not isinstance(panel, Panel):
-        raise TypeError(f"an elicit.Panel is wanted, not {panel!r}")
+    check_panel(mdp, panel)
     scales = {name: best_guess(member) for name, member in panel.members.items()}
     policies = [value_iteration(mdp, scale)[1] for scale in (*scales.values(), panel.values)]
     losses = [
@@ -145,3 +144,13 @@ def _most(member: Comparator, d: Floats) -> float:
     """Return an upper bound on the greatest d.e."""
     high, _ = simultaneous_bounds(member, d)
     return float(np.clip(high.max(), 0.0, 1.0))
+
+
+def check_panel(mdp: OrdinalMDP, panel: Panel) -> None:
+    """Raise TypeError or ValueError unless these are an MDP and a panel of its levels."""
+    if not isinstance(mdp, OrdinalMDP):
+        raise TypeError(f"mdp must be a qlearn.OrdinalMDP, not {mdp!r}")
+    if not isinstance(panel, Panel):
+        raise TypeError(f"an elicit.Panel is wanted, not {panel!r}")
+    if panel.k != mdp.k:
+        raise ValueError(f"the MDP has {mdp.k} levels, but the panel's scales have {panel.k}")

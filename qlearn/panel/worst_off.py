@@ -23,6 +23,7 @@ from qlearn.certificates.collected_total import greatest_total
 from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import evaluate_policy, policy_loss, rewarded, value_iteration
+from qlearn.panel.following import check_panel
 
 _LEAST = 1e-12  # occupancies below that are rounding
 
@@ -97,7 +98,7 @@ def policy_for_the_worst_off(mdp: OrdinalMDP, panel: Panel) -> WorstOffPolicy:
     Raises
     ------
     TypeError
-        If ``panel`` is no Panel.
+        If ``mdp`` is no OrdinalMDP, or ``panel`` no Panel.
     ValueError
         If the MDP has another number of levels.
 
@@ -107,10 +108,7 @@ def policy_for_the_worst_off(mdp: OrdinalMDP, panel: Panel) -> WorstOffPolicy:
     ``Result.loss_bound`` is. The losses are the least for the best guesses alone. ``bounds`` says
     what is proven of the policy for other plausible scales, but it is not chosen by them.
     """
-    if not isinstance(panel, Panel):
-        raise TypeError(f"an elicit.Panel is wanted, not {panel!r}")
-    if panel.k != mdp.k:
-        raise ValueError(f"the MDP has {mdp.k} levels, but the panel's scales have {panel.k}")
+    check_panel(mdp, panel)
     scales = {name: best_guess(member) for name, member in panel.members.items()}
     probabilities = _least_greatest_loss(mdp, np.stack([*scales.values()]))
     bounds, confidence = _bounds(mdp, probabilities, panel)

@@ -55,17 +55,17 @@ def move(
 
         The prior's log density is first subtracted from ``room``.
         """
-        density, theta = _log_prior(proposed.T, p, prior)
+        density, theta = log_prior(proposed.T, p, prior)
         lapse, width = _slips(proposed.T, theta, prior)
         least = room - density
-        found = _powered(theta, rows, tied, n, last, lapse, width, least)
+        found = powered(theta, rows, tied, n, last, lapse, width, least)
         return density + found, (density > -np.inf) & (least <= 0.0) & (found >= least)
 
     logs, _ = judged(x, np.full(m, -np.inf))
     for turn in range(turns):
         h = fold(fold(key, 1 + turn), np.arange(m))
-        u = [_unit(fold(h, j)) for j in range(10)]
-        ease, before = _each(math.log, u[1]), x.copy()
+        u = [unit(fold(h, j)) for j in range(10)]
+        ease, before = elementwise(math.log, u[1]), x.copy()
         a = (u[2] * (m - 1)).astype(np.int64)
         a += a >= np.arange(m)
         b = (u[3] * (m - 2)).astype(np.int64)
@@ -77,9 +77,9 @@ def move(
             first, second = (
                 np.where(other[at] < at, x[other[group]], before[other[group]]) for other in (a, b)
             )
-            proposal, away = _steps(x[group], first, second, p, chance)
+            proposal, away = steps(x[group], first, second, p, chance)
             if swaps[group].any():
-                swapped, apart = _swaps(x[group], p, chance)
+                swapped, apart = exchanges(x[group], p, chance)
                 proposal = np.where(swaps[at], swapped, proposal)
                 away = np.where(swaps[group], apart, away)
             log, taken = judged(proposal, logs[group] + ease[group])
@@ -103,7 +103,7 @@ def _groups(a: Any, b: Any, alone: Any) -> list[Any]:
     return [np.flatnonzero(np.equal(level, each)) for each in range(max(level) + 1)]
 
 
-def _steps(x: Floats, a: Floats, b: Floats, p: int, u: list[Floats]) -> tuple[Floats, Any]:
+def steps(x: Floats, a: Floats, b: Floats, p: int, u: list[Floats]) -> tuple[Floats, Any]:
     """Return the proposals of ``mcmc.step`` for particles x (q, size), and whether they lead
     anywhere.
     """
@@ -128,7 +128,7 @@ def _steps(x: Floats, a: Floats, b: Floats, p: int, u: list[Floats]) -> tuple[Fl
     return proposal, apart != 0.0
 
 
-def _swaps(x: Floats, p: int, u: list[Floats]) -> tuple[Floats, Any]:
+def exchanges(x: Floats, p: int, u: list[Floats]) -> tuple[Floats, Any]:
     """Return the proposals of ``mcmc.swap`` for particles x (q, size), and whether they lead
     anywhere.
     """
@@ -144,32 +144,32 @@ def _swaps(x: Floats, p: int, u: list[Floats]) -> tuple[Floats, Any]:
     return proposal, x[each, best] != x[each, other]
 
 
-def _log_prior(x: Floats, p: int, prior: ParticlePrior) -> tuple[Floats, Floats]:
+def log_prior(x: Floats, p: int, prior: ParticlePrior) -> tuple[Floats, Floats]:
     """Return ``density.log_prior`` (q,) of particles x (size, q), and theta (p, q)."""
     most = x[:p].max(axis=0)
     theta = exp_of_minus(np.minimum(most - x[:p], FARTHEST))
-    total = _in_order(theta)
-    log_c = most + _each(math.log, total)
+    total = in_order(theta)
+    log_c = most + elementwise(math.log, total)
     theta *= (
-        prior.fixed if prior.fixed > 0.0 else _each(math.exp, np.minimum(log_c, 300.0))
+        prior.fixed if prior.fixed > 0.0 else elementwise(math.exp, np.minimum(log_c, 300.0))
     ) / total
-    s, c = _in_order(x[:p]) - p * log_c, _in_order(theta)
+    s, c = in_order(x[:p]) - p * log_c, in_order(theta)
     terms = prior.constants[:, None] + prior.shapes[:, None] * s
     best = terms.max(axis=0)
     z = (log_c - prior.mean) / prior.sd
     found = (
         best
-        + _each(math.log, _in_order(exp_of_minus(np.minimum(best - terms, FARTHEST))))
+        + elementwise(math.log, in_order(exp_of_minus(np.minimum(best - terms, FARTHEST))))
         - 0.5 * z * z
     )
     if prior.lapse < 0.0:
-        found += _log_logistic(x[p], prior.lapse_a, prior.lapse_b)
+        found += log_logistic(x[p], prior.lapse_a, prior.lapse_b)
     if len(prior.kinds):
         found = _among_kinds(x, log_c, found + prior.general, prior)
     if prior.tie > 0.0:
-        found += _log_logistic(x[-1], 1.0, 1.0)
+        found += log_logistic(x[-1], 1.0, 1.0)
     for above, limit in zip(prior.above, prior.limits, strict=True):
-        found[~(_in_order(above[:, None] * theta) >= limit * c)] = -np.inf
+        found[~(in_order(above[:, None] * theta) >= limit * c)] = -np.inf
     return found, theta
 
 
@@ -182,39 +182,43 @@ def _among_kinds(x: Floats, log_c: Floats, general: Floats, prior: ParticlePrior
             at = at + shape * (part - log_c)
         at -= 0.5 * z * z
         if prior.lapse < 0.0:
-            at += _log_logistic(x[p], a, b)
+            at += log_logistic(x[p], a, b)
         terms.append(at)
         best = np.maximum(best, at)
     total = exp_of_minus(np.minimum(best - general, FARTHEST))
     for at in terms:
         total = total + exp_of_minus(np.minimum(best - at, FARTHEST))
-    return np.asarray(best + _each(math.log, total))
+    return np.asarray(best + elementwise(math.log, total))
 
 
 def _slips(x: Floats, theta: Floats, prior: ParticlePrior) -> tuple[Floats, Floats]:
     """Return the lapses (q,) and the widths (q,) of ``density.slips``."""
     lapse, width = np.full(x.shape[1], prior.lapse), np.zeros(x.shape[1])
     if prior.lapse < 0.0:
-        lapse = LEAST_LAPSE + (1.0 - LEAST_LAPSE) * _logistic(x[len(theta)])
+        lapse = LEAST_LAPSE + (1.0 - LEAST_LAPSE) * logistic(x[len(theta)])
     if prior.tie > 0.0:
-        width = np.maximum(LEAST_WIDTH, _in_order(theta) * prior.tie * _logistic(x[-1]))
+        width = np.maximum(LEAST_WIDTH, in_order(theta) * prior.tie * logistic(x[-1]))
     return lapse, width
 
 
-def _log_logistic(u: Floats, a: float, b: float) -> Floats:
+def log_logistic(u: Floats, a: float, b: float) -> Floats:
+    """Return ``density.log_logistic`` (q,) of logits u (q,)."""
     less = exp_of_minus(np.minimum(np.abs(u), FARTHEST))
     found: Floats = (
-        a * np.minimum(u, 0.0) - b * np.maximum(u, 0.0) - (a + b) * _each(math.log, 1.0 + less)
+        a * np.minimum(u, 0.0)
+        - b * np.maximum(u, 0.0)
+        - (a + b) * elementwise(math.log, 1.0 + less)
     )
     return found
 
 
-def _logistic(u: Floats) -> Floats:
+def logistic(u: Floats) -> Floats:
+    """Return ``density.logistic`` (q,) of logits u (q,)."""
     less = exp_of_minus(np.minimum(np.abs(u), FARTHEST))
     return np.asarray(np.where(u >= 0.0, 1.0, less) / (1.0 + less))
 
 
-def _powered(
+def powered(
     theta: Floats,
     rows: Floats,
     tied: Any,
@@ -266,7 +270,7 @@ def _log_terms(eta: Floats, tied: Any, lapse: Floats, width: Floats) -> Floats:
     below = exp_of_minus(np.minimum(np.abs(u), FARTHEST))
     top = np.where(u >= 0.0, 1.0, below)
     if apart:
-        equal = -_each(math.expm1, -2.0 * width)
+        equal = -elementwise(math.expm1, -2.0 * width)
         top = np.where(
             ties, top * (equal / (1.0 + exp_of_minus(np.minimum(2.0 * width - u, FARTHEST)))), top
         )
@@ -296,18 +300,18 @@ def _log_quotient(top: Floats, below: Floats, low: float) -> Floats:
         many *= above[i]
         tiny = many < low
         if tiny.any():
-            total[tiny] += _each(math.log, many[tiny])
+            total[tiny] += elementwise(math.log, many[tiny])
             many[tiny] = 1.0
-    found: Floats = total + _each(math.log, many) - _each(math.log, few)
+    found: Floats = total + elementwise(math.log, many) - elementwise(math.log, few)
     return found
 
 
-def _unit(h: Any) -> Floats:
+def unit(h: Any) -> Floats:
     """Return ``mcmc.unit`` of hashes (m,)."""
     return np.asarray(((h >> np.uint64(11)).astype(np.float64) + 0.5) * 2.0**-53)
 
 
-def _in_order(terms: Floats) -> Floats:
+def in_order(terms: Floats) -> Floats:
     """Return the sums (q,) of terms (p, q), added from the first on."""
     total = np.zeros(terms.shape[1])
     for term in terms:
@@ -315,7 +319,7 @@ def _in_order(terms: Floats) -> Floats:
     return total
 
 
-def _each(function: Callable[[float], float], numbers: Floats) -> Floats:
+def elementwise(function: Callable[[float], float], numbers: Floats) -> Floats:
     """Return a function of ``math`` of each of the numbers (q,).
 
     NumPy's own functions differ from those of ``math`` in their last bits.

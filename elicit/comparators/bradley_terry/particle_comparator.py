@@ -38,6 +38,17 @@ from elicit.comparators.bradley_terry.earlier_people import (
     log_dirichlet,
 )
 from elicit.comparators.bradley_terry.mcmc import move
+from elicit.comparators.bradley_terry.raters import (
+    RaterArrays,
+    Reliability,
+    Several,
+    newcomer,
+    of_several,
+    of_the_scale,
+    parameters,
+    reliability_of,
+)
+from elicit.comparators.bradley_terry.raters import learn as learn_of_several
 from elicit.comparators.bradley_terry.smc import (
     SWEEPS,
     ParticleArrays,
@@ -110,10 +121,17 @@ class ParticleOptions(TypedDict, total=False):
         A priori the gaps are Dirichlet(a), with log a uniform between the logs of these two. None:
         the two of ``CONCENTRATION``, each over k - 1. (1, 1) is uniform, and overconfident on
         scales with a few large gaps.
+    raters : bool
+        Whether the answers are of several people who are asked about one scale, and whose
+        precision, lapse and width of EQUAL may differ. ``Answers.who`` says who gave each. Then
+        each person's are learned, and answers of a careless one count less: ``reliability`` says
+        how reliable each is. False, the default: all answers are taken as one person's. Until a
+        second name comes up, both are the same.
     """
 
     particles: int
     shape: tuple[float, float] | None
+    raters: bool
 
 
 class Degenerate(RuntimeWarning):
@@ -160,7 +178,7 @@ class PosteriorComparator:
         comparator of this k is taken as it is. What is learned from few people depends a little on
         their order and on the seed.
     **options
-        ``particles`` and ``shape``: see ``ParticleOptions``.
+        ``particles``, ``shape`` and ``raters``: see ``ParticleOptions``.
 
     Attributes
     ----------
@@ -189,6 +207,7 @@ class PosteriorComparator:
     ) -> None:
         check_keywords(type(self), options, ParticleOptions.__annotations__)
         particles, shape = options.get("particles", PARTICLES), options.get("shape")
+        raters = options.get("raters", False)
         self.k = check_levels(k)
         known = precision is None or is_number(precision, 0)
         require(known, "precision", "None or a finite number of at least 0", precision)
@@ -196,6 +215,12 @@ class PosteriorComparator:
         require(known, "lapse", "None or a number of at least 0 and below 1", lapse)
         require(is_number(level) and 0.5 < level < 1, "level", "strictly between 1/2 and 1", level)
         require(is_whole(particles, 20), "particles", "a whole number of at least 20", particles)
+        require(isinstance(raters, bool), "raters", "True or False", raters)
+        if raters and like is not None:
+            raise ValueError(
+                "raters=True and like= do not go together: of earlier people only the law of "
+                "single ones is known. Leave one of them out"
+            )
         if shape is None:
             shape = (CONCENTRATION[0] / (self.k - 1), CONCENTRATION[1] / (self.k - 1))
         wanted = f"None or two numbers, {_SHAPES[0]:g} <= low <= high <= {_SHAPES[1]:g}"
@@ -209,6 +234,7 @@ class PosteriorComparator:
             tuple(shape),
             check_tie(tie),
         )
+        self.raters = raters
         self.given_precision = None if precision is None else float(precision)
         self.given_lapse = None if lapse is None else float(lapse)
         self.prior = as_prior(prior, self.k)
@@ -280,20 +306,25 @@ class PosteriorComparator:
         self.answers = Answers.none(self.k)
         self._rows, self._tied = np.zeros((self.k - 1, 0)), np.zeros(0, dtype=np.bool_)
         self._start(0.0)
+        self._several: Several | None = None
 
     def _start(self, tie: float) -> None:
         """Draw particles from the prior, for a tutor who may call equal what lies within
         ``tie``.
         """
-        self.proposed = self.accepted = 0
         self._prior = self._prior._replace(tie=tie)
-        self._x, self._logs = self._first_particles(), np.zeros(self.particles)
-        self._noise = np.full(1, 1.0 / self.particles)
+        self._begin(self._first_particles(self._prior))
         self._theta, self._slips = (
             np.empty((self.k - 1, self.particles)),
             np.empty((2, self.particles)),
         )
         thetas(self._x, self._prior, self._theta, self._slips)
+
+    def _begin(self, x: Floats) -> None:
+        """Take these particles, which have learned nothing."""
+        self.proposed = self.accepted = 0
+        self._x, self._logs = x, np.zeros(self.particles)
+        self._noise = np.full(1, 1.0 / self.particles)
 
     def update(self, answers: Answers) -> PosteriorComparator:
         """Return a comparator that also knows these answers, learned one by one, in told order."""
@@ -315,6 +346,9 @@ class PosteriorComparator:
         new._x, new._theta, new._slips = self._x.copy(), self._theta.copy(), self._slips.copy()
         new._logs, new._noise = self._logs.copy(), self._noise.copy()
         for i in range(n, n + len(answers)):
+            if self.raters and len(set(new.answers.who[: i + 1])) > 1:
+                new._learn_of_several(i)
+                continue
             if new._tied[i] and new._prior.tie == 0 < self.tie:  # the first EQUAL
                 new._start(ALLOWANCE * self.tie)
                 new._learn(range(i))
@@ -339,6 +373,72 @@ class PosteriorComparator:
             with np.errstate(all="ignore"):  # the hash wraps around
                 proposed, accepted = learn(state, i + 1, self._prior, fold(self._key, i)[()])
             self.proposed, self.accepted = self.proposed + proposed, self.accepted + accepted
+
+    def _learn_of_several(self, last: int) -> None:
+        """Learn row ``last``, which is of one of several raters.
+
+        All is learned afresh once there are two, and at the first EQUAL of each.
+        """
+        who, rows = self.answers.who, range(last, last + 1)
+        tied = self.tie > 0 and bool(self._tied[last])
+        wide = {who[i] for i in np.flatnonzero(self._tied[: last + 1])} if self.tie > 0 else set()
+        known = self._several
+        prior = of_several(self._prior, ALLOWANCE * self.tie)
+        if known is None or (tied and dict(zip(*known, strict=True)).get(who[last]) is False):
+            self._begin(self._first_particles(of_the_scale(prior)))
+            known, rows = Several((), ()), range(last + 1)
+        for i in rows:
+            if who[i] not in known.names:
+                seed = int(fold(self._key, _PEOPLE, len(known.names)))
+                own = newcomer(prior, self.particles, seed)
+                self._x = np.ascontiguousarray(np.concatenate([self._x, own], axis=1))
+                known = Several((*known.names, who[i]), (*known.wide, who[i] in wide))
+            by = np.array([known.names.index(one) for one in who[: i + 1]])
+            state = RaterArrays(
+                self._x, self._logs, self._noise, self._rows, self._tied, by, known.wide
+            )
+            proposed, accepted = learn_of_several(state, i + 1, prior, fold(self._key, i))
+            self.proposed, self.accepted = self.proposed + proposed, self.accepted + accepted
+        self._several = known
+        thetas(self._x, of_the_scale(prior), self._theta, self._slips)
+
+    @property
+    def _tutors(self) -> dict[str | None, tuple[Floats, Floats, Floats]]:
+        """The precision, lapse and width of each person who answers, by name, in each particle."""
+        precision, known = self.draws.precision, self._several
+        if known is None:
+            names = set(self.answers.who)
+            name = names.pop() if len(names) == 1 else None
+            return {name: (precision, *self._slips)}
+        prior = of_several(self._prior, ALLOWANCE * self.tie)
+        found = {}
+        for i, (name, wide) in enumerate(zip(*known, strict=True)):
+            factor, lapse, width = parameters(self._x, precision, i, wide, prior)
+            found[name] = factor * precision, lapse, width
+        return found
+
+    def reliability(self) -> dict[str | None, Reliability]:
+        """Return how reliable each person is, by name, with intervals.
+
+        Returns
+        -------
+        dict of str to Reliability
+            With ``raters=True`` one for each person who has answered. Otherwise, and as long as
+            there is one person, a single one. It is named None if answers name nobody, or if those
+            of several people are taken as one person's.
+        """
+        weights, who = self._gaps_and_weights[1], self.answers.who
+        tutors = self._tutors
+        return {
+            name: reliability_of(
+                precision,
+                lapse,
+                weights,
+                len(who) if len(tutors) == 1 else who.count(name),
+                self.level,
+            )
+            for name, (precision, lapse, _) in tutors.items()
+        }
 
     def retract(self, *ids: str) -> PosteriorComparator:
         """Return a comparator without the answers of these ids, as if they had never been given.
@@ -396,7 +496,7 @@ class PosteriorComparator:
         shares = [weights[dot(t, gaps.T) > 0].sum() for t in tail_sums(as_differences(d, self.k))]
         return np.asarray(np.minimum(shares, 1.0))  # a sum of weights may exceed 1 by rounding
 
-    def answer_probability(self, d: ArrayLike) -> Floats:
+    def answer_probability(self, d: ArrayLike, who: str | None = None) -> Floats:
         """Return the probability that the tutor's next answer is "left is better".
 
         It is the mean, over the posterior, of the chance of this answer: with the precision, the
@@ -407,21 +507,38 @@ class PosteriorComparator:
         ----------
         d : (n, k)
             Differences left - right.
+        who : str, optional
+            Of several raters, the one who is asked. None: any of them, each with the same chance.
 
         Returns
         -------
         (n,) probabilities
             That of "right is better" is ``answer_probability(-d)``. The two total 1 until the tutor
             calls something EQUAL, and then leave its probability.
+
+        Raises
+        ------
+        ValueError
+            If ``who`` has not answered yet, or several people's answers are taken as one person's.
         """
         gaps, weights = self._gaps_and_weights
-        precision, (lapse, width) = self.draws.precision, self._slips
-        answers = np.where(width > 0, 3.0, 2.0)
-        chances = (
-            lapse / answers + (1.0 - lapse) * expit(precision * dot(t, gaps.T) - width)
-            for t in tail_sums(as_differences(d, self.k))
-        )
-        return np.array([min(1.0, float(product(chance, weights))) for chance in chances])
+        tutors = self._tutors
+        if who is not None:
+            if who not in tutors:
+                raise ValueError(
+                    f"no answers of {who!r} alone are known here, but of "
+                    f"{', '.join(map(repr, tutors))}"
+                )
+            tutors = {who: tutors[who]}
+        found = np.zeros(len(t := tail_sums(as_differences(d, self.k))))
+        for precision, lapse, width in tutors.values():
+            answers = np.where(width > 0, 3.0, 2.0)
+            chances = (
+                lapse / answers + (1.0 - lapse) * expit(precision * dot(row, gaps.T) - width)
+                for row in t
+            )
+            found += [min(1.0, float(product(chance, weights))) for chance in chances]
+        return np.asarray(found / len(tutors))
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """Return the (1 - level) and the level quantile of d.e, so that lo > 0 goes with BETTER."""
@@ -474,17 +591,24 @@ class PosteriorComparator:
     @property
     @one_thread
     def precision(self) -> float:
-        """The precision c: as given, or exp of the posterior mean of log c."""
+        """The precision c: as given, or exp of the posterior mean of log c.
+
+        Of several raters it is the one that they have in common.
+        """
         if self.given_precision is not None:
             return self.given_precision
         return float(np.exp(product(np.log(self.draws.precision), self.draws.weights)))
 
     @property
     def lapse(self) -> float:
-        """The share of answers given at random: as given, or its posterior mean."""
+        """The share of answers given at random: as given, or its posterior mean.
+
+        Of several raters it is their mean.
+        """
         if self.given_lapse is not None:
             return self.given_lapse
-        return float(product(self._slips[0], self._gaps_and_weights[1]))
+        weights, tutors = self._gaps_and_weights[1], self._tutors
+        return sum(float(product(own[1], weights)) for own in tutors.values()) / len(tutors)
 
     @property
     def draws(self) -> Draws:
@@ -551,8 +675,8 @@ class PosteriorComparator:
             np.empty((0, p + 5)),
         )
 
-    def _first_particles(self) -> Floats:
-        """Return x (m, p) from the prior, with columns for a learned lapse and a learned width."""
+    def _first_particles(self, prior: ParticlePrior) -> Floats:
+        """Return x (m, p) from a prior, with columns for a learned lapse and a learned width."""
         rng, m, p = (
             np.random.Generator(np.random.Philox(int(self._key))),
             self.particles,
@@ -561,29 +685,30 @@ class PosteriorComparator:
         spread = (rng.permutation(m) + rng.random(m)) / m  # stratified
         a = np.exp(np.log(self.shape[0]) + spread * np.log(self.shape[1] / self.shape[0]))[:, None]
         x = log_dirichlet(rng, np.broadcast_to(a, (m, p)))
-        log_c = PRECISION[0] + PRECISION[1] * ndtri((rng.permutation(m) + rng.random(m)) / m)
+        log_c = prior.mean + prior.sd * ndtri((rng.permutation(m) + rng.random(m)) / m)
         x = np.ascontiguousarray(x + log_c[:, None])
         slips = [
             logit(betaincinv(*law, (rng.permutation(m) + rng.random(m)) / m))[:, None]
             for learned, law in (
-                (self._prior.lapse < 0, LAPSE),
-                (self._prior.tie > 0, (1.0, 1.0)),
+                (prior.lapse < 0, LAPSE),
+                (prior.tie > 0, (1.0, 1.0)),
             )
             if learned
         ]
         if self.like is None:
-            return np.ascontiguousarray(np.concatenate([self._within(x), *slips], axis=1))
+            return np.ascontiguousarray(np.concatenate([self._within(x, prior), *slips], axis=1))
         of, draws = drawn(self.like, rng, m)
         for i, (log_gaps, log_precision, lapse) in enumerate(draws):
             x[of == i] = log_gaps + log_precision[:, None]
-            if self._prior.lapse < 0:
+            if prior.lapse < 0:
                 slips[0][of == i, 0] = logit(np.clip(lapse, 1e-300, 1.0 - 1e-16))
-        learned = len(slips) - (self._prior.tie > 0)
-        x = self._within(np.ascontiguousarray(np.concatenate([x, *slips[:learned]], axis=1)))
+        learned = len(slips) - (prior.tie > 0)
+        x = np.ascontiguousarray(np.concatenate([x, *slips[:learned]], axis=1))
+        x = self._within(x, prior)
         return np.ascontiguousarray(np.concatenate([x, *slips[learned:]], axis=1))
 
-    def _within(self, x: Floats) -> Floats:
-        """Return particles of the prior moved to where its inequalities hold.
+    def _within(self, x: Floats, prior: ParticlePrior) -> Floats:
+        """Return particles of a prior moved to where its inequalities hold.
 
         They move by nested sets that each hold half of the particles of the one before (subset
         simulation, Au and Beck 2001). Raises ValueError.
@@ -595,8 +720,8 @@ class PosteriorComparator:
                 "no scale satisfies the prior's inequalities together, "
                 f"{'; '.join(self.prior.names)}"
             )
-        above, limits = self._prior.above, self._prior.limits
-        law, p = self._prior._replace(tie=0.0), self.k - 1
+        above, limits = prior.above, prior.limits
+        law, p = prior._replace(tie=0.0), self.k - 1
         if x.shape[1] == p:
             law = law._replace(lapse=max(0.0, law.lapse))
         nothing, untied, m = np.zeros((self.k - 1, 1)), np.zeros(1, dtype=np.bool_), self.particles

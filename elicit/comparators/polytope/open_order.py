@@ -115,7 +115,9 @@ class OpenOrderComparator:
     def values(self) -> Floats:
         """The central scale (k,), least 0 and greatest 1: it need not rise. Read-only.
 
-        It is the mean over the orders that are left, weighed by the volume of their scales.
+        It is the mean over the orders that are left, weighed by the volume of their scales. If all
+        levels are worth the same in that mean, as two levels of unknown order are, it is the scale
+        of the given order.
         """
         logs = np.zeros(len(self._parts))
         if len(self._parts) > 1:
@@ -124,6 +126,8 @@ class OpenOrderComparator:
         mean = np.zeros(self.k)
         for weight, part in zip(weights.tolist(), self._parts, strict=True):
             mean[list(part.order)] += weight * part.scales.values
+        if mean.max() - mean.min() <= 1e-9 * weights.sum():
+            mean[list(self._parts[0].order)] = self._parts[0].scales.values
         values: Floats = (mean - mean.min()) / (mean.max() - mean.min())
         values.flags.writeable = False
         return values

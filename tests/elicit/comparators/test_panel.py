@@ -263,3 +263,10 @@ def test_a_member_whose_order_is_open_and_a_panel_are_refused():
 def test_weights_that_are_no_shares_are_refused(weights):
     with pytest.raises(ValueError, match="weights must give each of 'a', 'b' a number above 0"):
         Panel({"a": PolytopeComparator(3), "b": PolytopeComparator(3)}, weights)
+
+
+def test_one_name_is_no_list_of_letters():
+    panel = Panel({"a": PolytopeComparator(K), "n": PolytopeComparator(K)})
+    with pytest.raises(TypeError, match=r"put the one into a list, \['ann'\]"):
+        panel.whom([-0.5, 0.5, 0.5, -0.5], "ann")
+    assert panel.whom([-0.5, 0.5, 0.5, -0.5], ["ann"]) is not None

@@ -141,3 +141,17 @@ def test_the_picture_has_an_interval_of_each_level_for_each_person():
     for name, shown in zip(found.people, drawn, strict=True):
         assert (shown == found.values[found.people.index(name)]).all()
     plt.close("all")
+
+
+def test_a_merged_log_is_not_one_person():
+    merged = answers_of({**ONE_SCHOOL}, n=3)
+    log = AnswerLog(k=K)
+    for i, who in enumerate(["ann", "ben"]):
+        log.append(Answer(Query(f"{i}", [0, 1, 0, 0], [0.5, 0, 0, 0.5]), 1, who=who))
+    for people in ({"all": merged}, {"all": log}):
+        with pytest.raises(ValueError, match="'all' are of several people, 'ann', 'ben'"):
+            agreement(people)
+    with pytest.raises(TypeError, match="takes an AnswerLog or Answers of 'ann', not 3"):
+        agreement({"ann": 3})
+    own = {name: merged.of_person(name) for name in ONE_SCHOOL}
+    np.testing.assert_allclose(agreement(own).values, agreement(merged).values)

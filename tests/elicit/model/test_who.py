@@ -78,3 +78,12 @@ def test_a_table_without_names_is_as_it_was():
     text = io.StringIO()
     Answers([[0.5, 0.0, -0.5]], [1], ["a"]).to_csv(text)
     assert text.getvalue() == "id,d_1,d_2,d_3,answer\r\na,0.5,0.0,-0.5,1\r\n"
+
+
+def test_one_person_s_answer_to_a_question_is_left_out():
+    d = np.arange(9, dtype=float).reshape(3, 3) / 7
+    answers = Answers(d, [1, 1, -1], ["q1", "q1", "q2"], ["ann", "ben", "ann"])
+    assert answers.without(["q1"]).ids == ("q2",)
+    assert answers.without(["q1"], who="ben").who == ("ann", "ann")
+    with pytest.raises(ValueError, match="no answer of 'ben' here has the id 'q2'"):
+        answers.without(["q2"], who="ben")

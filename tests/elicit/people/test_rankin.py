@@ -97,3 +97,23 @@ def test_dominance_holds_only_while_death_is_the_worst() -> None:
 def test_weights_of_another_number_are_refused() -> None:
     with pytest.raises(ValueError, match="7 numbers"):
         rankin.tutor_of(rankin.Weights((0.0, 1.0), "made up"))
+
+
+def test_odd_weights_and_shares_are_refused() -> None:
+    weights, shares = rankin.WEIGHTS["utility weights"], np.eye(K)
+    assert rankin.worth(shares[0], weights).shape == (1,)
+    with pytest.raises(TypeError, match=r"such as WEIGHTS\['utility weights'\], not 'utility"):
+        rankin.worth(shares, "utility weights")  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="weights must be"):
+        rankin.tutor_of([0, 1])  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="7 finite numbers"):
+        rankin.worth(shares, rankin.Weights((0.0, 1.0), "mine"))
+    with pytest.raises(ValueError, match="7 finite numbers"):
+        rankin.tutor_of(rankin.Weights((float("nan"),) * 7, "mine"))
+    with pytest.raises(ValueError, match="some differ"):
+        rankin.worth(shares, rankin.Weights((1.0,) * 7, "mine"))
+    with pytest.raises(ValueError, match="shares"):
+        rankin.worth(np.eye(3), weights)
+    query = elicit.Query("q", [1, 0, 0], [0, 1, 0])
+    with pytest.raises(ValueError, match="about 3 levels, but these weights are of 7"):
+        rankin.tutor_of(weights)(query)

@@ -14,6 +14,7 @@ from elicit import (
     Answer,
     AnswerLog,
     InconsistentAnswers,
+    Panel,
     PolytopeComparator,
     PosteriorComparator,
     Query,
@@ -598,3 +599,11 @@ def test_a_class_in_place_of_an_asker_is_refused():
         ):
             Session(wrong, AnswerLog())
     assert Session(Ring, AnswerLog()).question() is not None  # which takes what is known
+
+
+def test_a_session_is_one_person_s() -> None:
+    several = Panel({"ann": PolytopeComparator(K), "ben": PolytopeComparator(K)})
+    with pytest.raises(ValueError, match="a session is one person's, but the questions go to 'ann"):
+        Session(choose(VECTORS, several), AnswerLog(k=K))
+    one = Session(choose(VECTORS, Panel({"ann": PolytopeComparator(K)})), AnswerLog(k=K))
+    assert one.question() is not None

@@ -148,3 +148,12 @@ def test_following_another_in_a_choice_loses_what_the_scales_say() -> None:
     assert "at the worst state" not in str(found)
     with pytest.raises(TypeError, match=r"elicit\.Panel"):
         cost_of_following_a_choice(vectors, panel.members["ann"])  # type: ignore[arg-type]
+
+
+def test_what_is_no_mdp_is_refused():
+    panel = exact({"ann": [0, 0.5, 1]})
+    for function in (policy_for_the_worst_off, cost_of_following):
+        with pytest.raises(TypeError, match=r"mdp must be a qlearn\.OrdinalMDP"):
+            function(panel, panel)
+    with pytest.raises(ValueError, match="4 levels, but the panel's scales have 3"):
+        cost_of_following(qlearn.random_mdp(5, 2, 4, seed=1)[0], panel)

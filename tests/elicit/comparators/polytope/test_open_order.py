@@ -168,3 +168,11 @@ def test_learners_refuse_it_and_say_why() -> None:
     for learner in (qlearn.InteractivePolicyIteration, qlearn.InteractiveValueIteration):
         with pytest.raises(ValueError, match="order of levels 1 and 2 open, and a learner needs"):
             learner(mdp, OpenOrderComparator(3))
+
+
+def test_two_levels_of_unknown_order_have_the_scale_of_the_given_order():
+    known = elicit.OpenOrderComparator(2)
+    np.testing.assert_array_equal(known.values, [0, 1])
+    assert known.bounds([[-1, 1]]) == ([-1], [1])
+    other = known.update(elicit.Answers([[-1.0, 1.0]], [-1]))
+    np.testing.assert_array_equal(other.values, [1, 0])
