@@ -16,6 +16,7 @@ from elicit.model.difference import tail_sums
 from elicit.model.pairs import same_pairs
 from elicit.model.query import Query, Verdict
 from elicit.person.asker import Compares, Supposed
+from elicit.person.course.choices import Choices
 from elicit.person.course.conclusion import Conclusion, SessionFacts, in_unit
 from elicit.person.course.conduct import Conduct, choice_of
 from elicit.person.course.drift import Drift
@@ -111,6 +112,7 @@ class Drawing:
         self._session, self._subject = session, subject
         self._start: Start | None = None  # computed when it is first needed
         self._found: tuple[tuple[int, int], tuple[tuple[Entry, ...], ...]] | None = None
+        self._chosen = Choices.of(session.log.asked)
 
     def _welcome(self) -> dict[str, Any]:
         words, start = self._subject.words, self._at_start()
@@ -230,14 +232,12 @@ class Drawing:
         }
 
     def _left_by(self, after: Supposed) -> str:
-        """Return in a few words what a choice in a conflict would leave."""
-        kept = f"Keeps {after.used} of {after.of} answers"
-        loss = getattr(after.asker.result(), "loss_bound", None)
-        if not isinstance(loss, float) or math.isnan(loss):
-            return f"{kept}."
-        words = self._subject.words
-        most = in_unit(loss, words.unit, self._subject.labels, words.loss)
-        return printable(f"{kept}. The result could then lose as much as {most}.")
+        """Return how many answers a choice in a conflict would keep.
+
+        What the result could then lose is not said: people took the choice that lost least, and
+        not the one they meant.
+        """
+        return f"Keeps {after.used} of {after.of} answers."
 
     def _as_shown(self, entry: Entry, name: str) -> dict[str, Any]:
         shown = self._as_put(entry)
@@ -378,6 +378,8 @@ class Drawing:
         found = self._concluded()
         conduct = Conduct.of([*session.log])
         over = session.question() is None
+        # who asked for more after the last question may stop at any time
+        enough = over or (self._chosen.more and conduct.with_verdict >= subject.least)
         may_add = bool(subject.least) and session.makes_askers
         left = not over or (may_add and self._level_question() is not None)
         caution = conduct.caution(at_end=True) if subject.least else None
@@ -387,7 +389,7 @@ class Drawing:
             headline = (
                 "You have not said yet which is better, so nothing is known about your values."
             )
-        elif found.settled and not over and caution is None:
+        elif found.settled and not enough and caution is None:
             headline = found.early or f"You stopped early. {found.headline}"
             after = "More answers would show whether this holds."
         elif found.headline and caution is not None:
@@ -406,7 +408,7 @@ class Drawing:
             "before": printable(found.before),
             "caution": caution,
             "remarks": self._remarks() if subject.least else [],
-            "settled": found.settled and caution is None and over,
+            "settled": found.settled and caution is None and enough,
             "more": left,
             "finished": over,
             "open": f"There is no finer question in whole numbers. {subject.finer}".strip()

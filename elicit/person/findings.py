@@ -101,5 +101,5 @@ def certainty(comparator: Comparator, whose: str = "your") -> str:
     return (
         assumed_of_answers(wrong_of(comparator), whose)
         if level is None
-        else f"each with {level:.0%} probability"
+        else f"with {level:.0%} probability each"
     )

@@ -8,11 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from elicit._support.fixed_order import product
 from elicit.asking.choose_from_list import Choice
 from elicit.decision.verdicts import decide
-from elicit.model.comparator import wrong_of
+from elicit.model.comparator import best_guess, bounds_of, wrong_of
+from elicit.model.difference import tail_sums
 from elicit.model.outcomes import Status, assumed_of_answers
 from elicit.model.query import Verdict
+from elicit.model.scale import Floats
 from elicit.person.course.conclusion import Conclusion, ResultTable, in_unit
 from elicit.person.showing import Words
 from qlearn.learners.learner import Result
@@ -53,16 +56,22 @@ def policy_conclusion(
         headline = "How much your plan could lose cannot be stated."
         after = "Another comparator can state it."
     elif settled:
-        headline = f"Your plan is settled. It loses at most as much as {most}."
+        headline = f"Your plan is settled. At worst it falls short of your ideal plan by {most}."
         after = "You can stop here. More answers would narrow the values below."
     else:
-        headline = f"Your plan is not settled. It could still lose as much as {most}."
+        headline = (
+            f"Your plan is not settled. It could still fall short of your ideal plan by {most}."
+        )
         after = {
             Status.CALLED_EQUAL: "What is still open, you called equally good.",
             Status.UNSURE: "Where you could not tell, the plan follows the best guess.",
             Status.EXHAUSTED: "Every question that would help was answered, or you could not tell.",
         }.get(result.status, f"More answers help. We stop below {told.loss(told.tolerance)}.")
-    unasked = "" if before is None else f"Before your first answer it was {told.loss(before)}."
+    unasked = (
+        ""
+        if before is None
+        else f"Before your first answer it could have been {told.loss(before)}."
+    )
     return Conclusion(
         headline=headline,
         sure=_sure(result),
@@ -71,8 +80,8 @@ def policy_conclusion(
         changes=_changes(mdp, action_words, legend, result),
         result=_whole_policy(mdp, action_words, result),
         settled=settled,
-        early=f"So far your plan loses at most as much as {most}. Your answers are not checked "
-        "yet.",
+        early=f"So far your plan falls short of your ideal plan by at most {most}. Your answers "
+        "are not checked yet.",
     )
 
 
@@ -158,8 +167,8 @@ def policy_stakes(told: InWords, result: Result) -> str | None:
     if np.isnan(result.loss_bound):
         return None
     return (
-        f"The plan could still lose as much as {told.loss(result.loss_bound)}. We stop below "
-        f"{told.loss(told.tolerance)}."
+        f"The plan could still fall short of your ideal plan by {told.loss(result.loss_bound)}. "
+        f"We stop below {told.loss(told.tolerance)}."
     )
 
 
@@ -173,30 +182,64 @@ def _sure(result: Result | Choice) -> str:
 
 
 def choice_conclusion(
-    told: InWords, names: Sequence[str], result: Choice, before: float | None
+    told: InWords, names: Sequence[str], shares: Floats, result: Choice, before: float | None
 ) -> Conclusion:
-    """Return what a choice says in words."""
+    """Return what a choice among alternatives says in words, with what each is worth.
+
+    ``shares`` (n, k) has a row for each alternative.
+    """
     most, sure = told.loss(result.loss_bound), _sure(result)
     settled = result.status in (Status.DONE, Status.CALLED_EQUAL)
     no_better = "No other alternative is better"
     no_better += f" by more than {most}." if result.loss_bound > 0 else "."
     if settled:
         as_far = "" if result.status is Status.DONE else ", as far as you tell them apart"
-        headline = f"Your choice is “{result.name}”{as_far}. {no_better}"
+        headline = f"By your answers “{result.name}” is best{as_far}. {no_better}"
         after = "You can stop here."
     else:
         headline = f"The choice is open. The best guess so far is “{result.name}”."
         after = f"Another alternative may be better by as much as {most}. More answers help."
-    unasked = "" if before is None else f"Before your first answer it was {told.loss(before)}."
+    unasked = (
+        ""
+        if before is None
+        else f"Before your first answer it could have been {told.loss(before)}."
+    )
     rows = tuple((name, "chosen" if name == result.name else "") for name in names)
     return Conclusion(
         headline=headline,
         sure=sure,
         next=after,
         before=unasked,
+        changes=_worth(told.labels, names, shares, result),
         result=ResultTable("", ("alternative", "choice"), rows),
         settled=settled,
-        early=f"So far your choice is “{result.name}”. Your answers are not checked yet.",
+        early=f"By your answers so far “{result.name}” is best. They are not checked yet.",
+    )
+
+
+def _worth(
+    labels: Sequence[str], names: Sequence[str], shares: Floats, result: Choice
+) -> ResultTable:
+    """Return what each alternative consists of, and what it is worth as far as is known."""
+    low, high = bounds_of(result.comparator, shares)
+    points = product(tail_sums(shares), np.diff(best_guess(result.comparator)))
+    order = np.argsort(-points, kind="stable").tolist()
+    rows = tuple(
+        (
+            names[i],
+            *(f"{100 * share:.3g}" for share in shares[i, ::-1]),
+            f"{100 * points[i]:.0f}",
+            f"{100 * max(low[i], 0.0):.0f} to {100 * min(high[i], 1.0):.0f}",
+        )
+        for i in order
+    )
+    return ResultTable(
+        f"The {len(names)} alternatives",
+        ("Alternative", *labels[::-1], "Worth", "Range"),
+        rows,
+        f"In 100 outcomes of each. Worth is from 0, if all were {labels[0]}, to 100, if all were "
+        f"{labels[-1]}: the best guess, and the range that fits your answers.",
+        "alternative",
     )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
@@ -43,6 +43,7 @@ from qlearn.problems.families.words import WORDS
 
 _SESSIONS = {"polytope": 12, "posterior": 4}  # simulated; one takes about 1 s, and 8 to 25 s
 _RANDOM = (30, 3, 5, 0.9)  # states, actions, levels, discount
+_NAMED = 6  # alternatives up to which the welcome names them
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,6 +197,8 @@ def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int)
     labels, names, vectors = read_alternatives(path)
     words, hint = _words_of(path, labels)
     words = words if unit is None else replace(words, unit=unit)
+    if not words.purpose:
+        words = replace(words, purpose=_purpose(names))
     content = json.dumps([labels, names, vectors.tolist()]).encode()
     header = _header(labels, hashlib.blake2b(content, digest_size=16).hexdigest(), words)
 
@@ -217,11 +220,19 @@ def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int)
         stakes=partial(choice_stakes, told),
         finer=finer,
         seed=seed,
-        conclude=partial(choice_conclusion, told, names),
+        conclude=partial(choice_conclusion, told, names, shares),
         facts=_facts(str(path), header, comparator, seed),
     )
     following = partial(cost_of_following_a_choice, shares)
     return Taught(subject, make, header, hint, following=following)
+
+
+def _purpose(names: Sequence[str]) -> str:
+    """Return a sentence on what is to be chosen."""
+    if len(names) > _NAMED:
+        return f"It works out which of {len(names)} alternatives is best for you."
+    some = f"{', '.join(names[:-1])} or {names[-1]}" if len(names) > 1 else names[0]
+    return f"It works out which is best for you: {some}."
 
 
 def _words_of(path: Path, labels: tuple[str, ...]) -> tuple[Words, str]:

@@ -19,12 +19,15 @@ class ResultTable:
         The heads of the columns.
     rows
         The cells of each row, as texts.
+    of
+        What a row is about, in the singular.
     """
 
     title: str
     columns: tuple[str, ...] = ()
     rows: tuple[tuple[str, ...], ...] = ()
     note: str = ""
+    of: str = "state"
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ const NUMBERS = ["no", "one", "two", "three", "four", "five", "six", "seven", "e
 export function mount(root, send, options = {}) {
   const {
     keys = root,
-    later = "To go on, start the same command again. It continues where you are now.",
+    later = "To go on, ask for a new address, or start the same command again. It continues where you are now.",
     where = "on this computer",
     seen = ["It stays here.", "Your answers are saved on this computer. Others see them only if you share them."],
     titled = () => {},
@@ -481,7 +481,7 @@ export function mount(root, send, options = {}) {
   }
 
   // What the answers change: a heading, a note, and a table that is folded and can be filtered.
-  function changed({ title, note: remark, columns, rows }) {
+  function changed({ title, note: remark, columns, rows, of }) {
     const made = [part("p", "soft", {}, [remark])];
     if (rows.length) {
       const found = part("p", "soft small", { role: "status" }, [`${rows.length} of ${rows.length} shown`]);
@@ -502,7 +502,7 @@ export function mount(root, send, options = {}) {
       const table = part("table", "changes", {}, [part("thead", "", {}, [head]), part("tbody", "", {}, lines)]);
       const label = part("label", "", { for: "elicit-filter" }, ["Filter the table "]);
       const scrolls = part("div", "scrolls", { tabindex: "0", role: "region", "aria-label": title }, [table]);
-      const words = rows.length === 1 ? "Show the state" : `Show the ${rows.length} states`;
+      const words = rows.length === 1 ? `Show the ${of}` : `Show the ${rows.length} ${of}s`;
       const filter = part("div", "filter", {}, [label, field, found]);
       made.push(part("details", "panel", {}, [part("summary", "", {}, [words]), filter, scrolls]));
     }
@@ -617,7 +617,7 @@ export function mount(root, send, options = {}) {
 }
 
 const TRY = "Practice question: your answer is not saved.";
-const SIMULATED = "Simulated sessions draw the values from all that are possible before the first answer.";
+const SIMULATED = "These forecasts are from simulated people whose values differ.";
 const MENDS = "Withdrawing any one of them fixes it. The others stay.";
 const STAYS = "stays"; // returned by what changes nothing on the screen
 const WHEN = { dateStyle: "medium", timeStyle: "short" };
