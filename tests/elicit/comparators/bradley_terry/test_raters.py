@@ -144,7 +144,7 @@ FIVE = ("ann", "ben", "chen", "dora", "eve")
 
 
 def test_a_rater_at_random_hardly_moves_the_scale() -> None:
-    # of few seeds the ratio is rough: with 40 answers each, the first four move either way too little
+    # of few seeds the ratio is rough, most of all where eve moves either scale little
     seeds, each = range(scaled(4, 20)), scaled(20, 40)
     pooled, apart = (
         np.mean([moved(seed, each, raters=raters) for seed in seeds]) for raters in (False, True)
