@@ -1,3 +1,3 @@
-"""What the project costs and what it finds, measured; each folder says of what. README.md leads to
+"""Measurements of what the project costs and finds; each folder says of what. README.md leads to
 the results.
 """

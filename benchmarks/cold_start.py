@@ -1,4 +1,4 @@
-"""What a newcomer waits for: computing time of a first run, with nothing compiled on the disk, and
+"""Computing time of a newcomer's first run, with nothing compiled on the disk, and
 of the next ones.
 
     python -m benchmarks.cold_start [--before CHECKOUT] [--out FILE]

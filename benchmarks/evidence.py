@@ -157,6 +157,7 @@ PAGES = (  # a notebook after the tables that it reads
         ("sb3",),
     ),
     results("RESULTS-cold", "cold_start", 10),
+    notebook("00_your_first_policy", 1),
     notebook("01_two_tutors", 1),
     notebook("02_polytope", 2),
     notebook("03_bradley_terry", 4),
@@ -164,7 +165,7 @@ PAGES = (  # a notebook after the tables that it reads
     notebook("05_paper_figures", 1),
     notebook("06_fewer_questions", 2),
     notebook("07_you_are_the_tutor", 1),
-    notebook("08_beyond_tables", 2),
+    notebook("08_beyond_tables", 4),
     notebook("09_real_people", 2),
     notebook("10_medical_scales", 1),
 )

@@ -1,4 +1,4 @@
-"""What all reports share: the line on the machine, tables in Markdown, means with intervals,
+"""Parts that all reports share: the line on the machine, tables in Markdown, means with intervals,
 printing, writing.
 """
 

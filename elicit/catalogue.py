@@ -1,6 +1,6 @@
 """The catalogue of comparators: name, factory, label and look of each.
 
-It is in the order of tables and legends.
+It is in the order of tables and legends. ``LOOKS`` has the look of whatever else pictures compare.
 
 Tables, pictures and commands take from here what they call a comparator and how they draw it.
 Imports nothing heavy.
@@ -216,5 +216,16 @@ _ENTRIES = (  # Okabe and Ito's colours; the markers and line styles tell the sa
 )
 COMPARATORS: Mapping[str, ComparatorEntry] = {entry.name: entry for entry in _ENTRIES}
 """The comparators by name."""
+LOOKS: Mapping[str, Mapping[str, Any]] = {
+    "polytope, audited": {"color": "#8B0000", "marker": "d", "linestyle": (0, (3, 1, 1, 1))},
+    "audited, repaired": {"color": "#332288", "marker": "<", "linestyle": (0, (3, 1.5))},
+    "asked 3 times": {"color": "#999933", "marker": "h", "linestyle": (0, (7, 1, 1, 1))},
+    "policy iteration": {"color": "#117733", "marker": ">", "linestyle": "-"},
+    "value iteration": {"color": "#882255", "marker": "<", "linestyle": (0, (5, 1.5))},
+    "value iteration, late": {"color": "#B8860B", "marker": "v", "linestyle": (0, (2, 1))},
+    "Q-learning": {"color": "#44AA99", "marker": "8", "linestyle": (0, (1, 1))},
+    "random questions": {"color": "#666666", "marker": "x", "linestyle": (0, (3, 1, 1, 1))},
+}
+"""The look of ways of asking and of learners in pictures, by their label."""
 ALWAYS = "always"
 """The name of the comparator that learns nothing; with a truthful tutor it is the oracle."""

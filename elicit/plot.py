@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from elicit.catalogue import COMPARATORS
+from elicit.catalogue import COMPARATORS, LOOKS
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import Comparator, offers
 from elicit.model.scale import Floats, exact_dot, normalise, rounded_to_total
@@ -30,13 +30,13 @@ if TYPE_CHECKING:
 
 STYLES: dict[str, dict[str, Any]] = {name: entry.look for name, entry in COMPARATORS.items()}
 """The colour, marker and line of each comparator, by the name that ``qlearn ablate`` gives it."""
-_OTHERS: tuple[dict[str, Any], ...] = (  # styles of other comparators, in their order
+_OTHERS: tuple[dict[str, Any], ...] = (  # for names that the catalogue does not have, in this order
     {"color": "#8C564B", "marker": "*", "linestyle": (0, (6, 1, 1, 1, 1, 1))},
-    {"color": "#332288", "marker": "<", "linestyle": (0, (3, 1.5))},
-    {"color": "#999933", "marker": "h", "linestyle": (0, (7, 1, 1, 1))},
-    {"color": "#882255", "marker": ">", "linestyle": (0, (2, 2, 6, 2))},
-    {"color": "#44AA99", "marker": "d", "linestyle": (0, (1, 1, 4, 1))},
-    {"color": "#666666", "marker": "8", "linestyle": (0, (9, 1.5))},
+    {"color": "#4477AA", "marker": "<", "linestyle": (0, (3, 1.5))},
+    {"color": "#AAAA00", "marker": "h", "linestyle": (0, (7, 1, 1, 1))},
+    {"color": "#AA3377", "marker": ">", "linestyle": (0, (2, 2, 6, 2))},
+    {"color": "#225555", "marker": "d", "linestyle": (0, (1, 1, 4, 1))},
+    {"color": "#777777", "marker": "8", "linestyle": (0, (9, 1.5))},
 )
 _GROUPS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#666666")  # told apart by the colour-blind
 _MARKERS = "os^Dv<>ph*"
@@ -68,8 +68,9 @@ _NAMES = {"better": "answer: better", "equal": "equal", "dominance": "by dominan
 def styles(names: Iterable[str]) -> dict[str, dict[str, Any]]:
     """Return the colour, marker and line of each name, as matplotlib's keywords.
 
-    They are those of ``STYLES``, and for other names one after the other, no two alike among the
-    first six.
+    Comparators have those of ``STYLES``. Learners ("policy iteration") and ways of asking
+    ("polytope, audited") have one each as well. Other names, such as a comparator of your own, get
+    one after the other, no two alike among the first six.
 
     Parameters
     ----------
@@ -79,8 +80,8 @@ def styles(names: Iterable[str]) -> dict[str, dict[str, Any]]:
     -------
     dict of str to dict
     """
-    others = cycle(_OTHERS)
-    return {name: STYLES[name] if name in STYLES else next(others) for name in dict.fromkeys(names)}
+    others, fixed = cycle(_OTHERS), STYLES | {name: {**look} for name, look in LOOKS.items()}
+    return {name: fixed[name] if name in fixed else next(others) for name in dict.fromkeys(names)}
 
 
 def kind_of(comparator: Comparator) -> str:

@@ -41,9 +41,9 @@ from elicit.decision.verdicts import decide
 from elicit.model.comparator import (
     OPTIONAL_PARTS,
     Comparator,
+    ForeseesBounds,
     KeepsAnswers,
     PredictsAnswers,
-    RoughBounds,
     Tier,
     draws_in,
     is_comparator,
@@ -52,7 +52,7 @@ from elicit.model.comparator import (
     unordered_of,
 )
 from elicit.model.difference import dominance, tail_sums
-from elicit.model.query import Answer, Answers, Query, Verdict
+from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
 from elicit.model.scale import Floats
 from elicit.model.tutor import CountsErrors, Tutor, TutorOfMany, check_tutor_made
 
@@ -475,25 +475,36 @@ def _check_all_at_once(comparator: Comparator, d: Floats) -> None:
         not crossed.any(),
         f"bounds that hold for all rows at once leave room for some scale, but {said}",
     )
-    if offers(comparator, "rough_bounds"):
-        _check_rough_bounds(cast(RoughBounds, comparator), d, upper)
+    if offers(comparator, "bounds_after"):
+        _check_bounds_after(comparator, d)
 
 
-def _check_rough_bounds(comparator: RoughBounds, d: Floats, tight: Floats) -> None:
-    slack = 0.1 * np.abs(d).sum(axis=1)
-    for given in (0.1 * float(np.abs(d).sum(axis=1).min()), slack):
-        high = comparator.rough_bounds(d, given)
-        right = np.shape(high) == (len(d),) and np.asarray(high).dtype == np.float64
-        _say(right, f"rough_bounds of d {d.shape} must be ({len(d)},) float64, not {high!r}")
-        room = _TOLERANCE * np.abs(d).sum(axis=1)
-        # below 0 it does not matter how far: such a difference is decided
-        wrong = (high < tight - room) | (high > np.maximum(tight, 0.0) + given + room)
-        i = int(np.argmax(wrong))
-        said = f"on d = {d[i]} rough_bounds is {high[i]}, and simultaneous_bounds {tight[i]}"
-        _say(
-            not wrong.any(),
-            f"a rough bound lies above the least there is, by the slack at most, but {said}",
-        )
+def _check_bounds_after(comparator: Comparator, d: Floats) -> None:
+    asked, enough = d[:3], 1e-3
+    found = cast(ForeseesBounds, comparator).bounds_after(asked, d, enough)
+    shape = (len(asked), 2, len(d))
+    right = np.shape(found) == shape and np.asarray(found).dtype == np.float64
+    _say(right, f"bounds_after of {len(asked)} questions must be {shape} float64, not {found!r}")
+    for i, row in enumerate(asked):
+        for part, verdict in enumerate((Verdict.WORSE, Verdict.BETTER)):
+            try:
+                told = comparator.update(Answers(row[None], [int(verdict)]))
+            except InconsistentAnswers:
+                continue
+            tight = simultaneous_bounds(told, d)[0]
+            # an estimate serves to choose questions, and may be a little off
+            room = 1e-6 * np.abs(d).sum(axis=1)
+            # what is not found is inf
+            wrong = (found[i, part] < tight - room) & (tight > enough + room)
+            wrong |= np.isfinite(found[i, part]) & (
+                found[i, part] > np.maximum(tight, enough) + room
+            )
+            j = int(np.argmax(wrong))
+            said = (
+                f"after {verdict.name} of {row} on d = {d[j]} bounds_after is "
+                f"{found[i, part, j]}, and simultaneous_bounds {tight[j]}"
+            )
+            _say(not wrong.any(), f"bounds_after tells what an answer would leave, but {said}")
 
 
 def _check_draws(comparator: Comparator) -> None:

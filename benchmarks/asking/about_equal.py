@@ -1,4 +1,4 @@
-"""What a tutor who calls equal what is close costs in questions and in what can be promised:
+"""Cost of a tutor who calls close things equal, in questions and in what can be promised:
 docs/about-equal.md.
 
     python -m benchmarks.asking.about_equal --out docs/about-equal.md   twenty minutes on one core

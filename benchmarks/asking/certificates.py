@@ -1,5 +1,4 @@
-"""How many questions policy iteration asks before its certificate stands, and how often what it
-promises is kept.
+"""Number of questions until policy iteration has its certificate, and how often it is held.
 
     python -m benchmarks.asking.certificates --journal results/certificates.jsonl \
         --out benchmarks/RESULTS-certified.md
@@ -10,7 +9,7 @@ promises is kept.
 
 Random MDPs of the paper (|S| = 100, |A| = 5, discount .95) and ICU-Sepsis, each problem with a
 hidden scale of its own. A truthful tutor and the polytope, beside plain value iteration; and, with
-the posterior, tutors who err: one who flips a tenth of her answers, and two who err as in eq. (6).
+the posterior, tutors who err: one who flips a tenth of the answers, and two who err as in eq. (6).
 Then the same numbers of questions beside how few could have proven the policy (``hindsight``).
 ``--journal`` keeps finished runs: while the code is the same, the same command goes on where it was
 stopped, and parts made with ``--only`` are not made again.
@@ -81,10 +80,10 @@ Stops once no plausible scale lets the policy lose more than the tolerance, in p
 state: proven with the polytope, at 95% with the posterior.
 
 - *tutor errs*: **{FLIPS}**: a tenth of the answers, drawn by chance, are the wrong way round, however clear the case
-  is. **eq. (6)**: she errs where two things are nearly equal, as in the paper's eq. (6): with its c = 1 on the paper's
+  is. **eq. (6)**: the tutor errs where two things are nearly equal, as in the paper's eq. (6): with its c = 1 on the paper's
   own units (discounted counts times values of 0 to 99), or with the c that errs in 10% of the comparisons of an optimal
   policy. These are the tutors "c=1" and "10%" of `qlearn figures`.
-- With a tutor who errs the posterior is as it comes: told neither how she errs nor how often, nor of eq. (6) its c. The
+- With a tutor who errs the posterior is as it comes: told neither how the tutor errs nor how often, nor of eq. (6) its c. The
   same problems, for all tutors. {BUDGET:,} questions at most.
 - *asked nothing*: true loss at the worst state, in percent of the value range, of the policy that is best if all gaps
   between levels are equal: mean with its 95% t-interval.
@@ -348,7 +347,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     made_of = sources("benchmarks.asking.certificates")  # a row of other code is none of these
     how = {"journal": given.journal, "jobs": given.jobs, "own": lambda cell: (made_of, {})}
     page = report(given.only, given.problems, given.erring, given.limits, **how)
-    publish(page, given.out, f"0-{given.problems - 1}, 0-{given.erring - 1} where she errs")
+    publish(page, given.out, f"0-{given.problems - 1}, 0-{given.erring - 1} where the tutor errs")
     if given.out:
         quotes.renew_beside(given.out)
 

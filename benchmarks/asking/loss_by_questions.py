@@ -147,14 +147,24 @@ def draw(frame: pd.DataFrame, path: Path) -> None:
     from matplotlib import pyplot as plt
 
     names = list(dict.fromkeys(frame["problem"]))
+    looks = elicit.plot.styles([RANDOM, *(label(method) for method in METHODS)])
     with plt.rc_context({"svg.hashsalt": "loss", "svg.fonttype": "none", "font.size": 9}):
         figure, axes = plt.subplots(1, len(names), figsize=(3 * len(names), 3.2))
         for ax, name in zip(np.atleast_1d(axes), names, strict=True):
             part = frame[frame["problem"] == name]
-            for method, colour in zip(METHODS, ("C0", "C1", "C2", "C3"), strict=True):
+            for method in METHODS:
                 mean = part[part["method"] == method].groupby("asked")[["loss", "bound"]].mean()
+                look = looks[RANDOM if method == RANDOM else label(method)]
+                colour = look["color"]
                 ax.step(
-                    mean.index, 100 * mean["loss"], where="post", color=colour, label=label(method)
+                    mean.index,
+                    100 * mean["loss"],
+                    where="post",
+                    color=colour,
+                    marker=look["marker"],
+                    markersize=4,
+                    markevery=[n in SHOWN for n in mean.index],
+                    label=label(method),
                 )
                 if mean["bound"].notna().all():
                     ax.step(

@@ -1,4 +1,4 @@
-"""What a session of ICU-Sepsis asks of a person, and how long she waits: RESULTS-sessions.md.
+"""Questions and waiting times of a person in sessions of ICU-Sepsis: RESULTS-sessions.md.
 
     python -m benchmarks.asking.person_sessions --out benchmarks/RESULTS-sessions.md
         # ten minutes on two idle cores
@@ -31,7 +31,7 @@ from qlearn import equal_gaps_policy, icu_sepsis, policy_loss, unasked_loss
 from qlearn.cli.teach_subjects import taught_by
 from qlearn.mdp.planning import Actions
 
-PROBLEM, DAYS, READING = "icu-sepsis", 10, 1.0  # seconds that she reads
+PROBLEM, DAYS, READING = "icu-sepsis", 10, 1.0  # seconds of reading
 Person = Callable[[dict[str, Any]], str]
 
 

@@ -5,7 +5,7 @@
     python -m benchmarks.asking.question_counts --out benchmarks/RESULTS-questions.md
 
 Random MDPs of the paper (|S| = 100, |A| = 5, discount .95, k = 5, 10, 20) and ICU-Sepsis (6 levels,
-discount .99), with a tutor who flips 0, 10 or 20% of her answers. The learners: policy iteration
+discount .99), with a tutor who flips 0, 10 or 20% of the answers. The learners: policy iteration
 (``InteractivePolicyIteration``) with each question strategy, value iteration and Q-learning as in
 the literature and asking late; and random pairs with a fit, which is what one does without a
 learner. The strategies of the active-preference literature choose among the same pairs: most even

@@ -1,1 +1,1 @@
-"""What one comparison over K_t costs, beside the usual tools."""
+"""Cost of one comparison over K_t, beside the usual tools."""

@@ -1,4 +1,4 @@
-"""What one comparison over K_t costs: this project's comparator and the usual tools, in one run,
+"""Cost of one comparison over K_t: this project's comparator and the usual tools, in one run,
 one thread each.
 
     python -m benchmarks.comparing.comparison_cost [--levels 5 10 20] [--streams Q-learning IVI]

@@ -1,4 +1,4 @@
-"""The harness: one method, one problem, one tutor; the losses after each answer.
+"""Play one method on one problem with one tutor, and note the losses after each answer.
 
 A method is anything with the four functions of ``Method``. It makes up its own questions, holds its
 own estimate, and says by itself when it is done.

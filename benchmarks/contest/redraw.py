@@ -19,27 +19,28 @@ from benchmarks.contest import problems
 from benchmarks.contest.methods import METHODS, WORST
 from benchmarks.contest.run import KEY, ROWS, load
 from benchmarks.reporting import markdown, publish, with_interval
+from elicit.catalogue import COMPARATORS, LOOKS
 from elicit.model.scale import Floats
 
 ENOUGH = 0.01
 SHOWN = (0, 1, 2, 3, 5, 8, 12, 20, 30)
 PLACES = {"initial": "from the start", "worst": "at the worst state"}
 OURS, PROVEN, RANDOM = "ours: posterior", "ours: polytope", "random pairs"
-MAGNIFIED = "ours: posterior, magnified"
+AS_THEY_ARE = "ours: posterior, as they are"
 COMPARED = (3, 5, 10, 30)
 DRAWN = {  # in the picture, with a colour
-    PROVEN: "black",
-    OURS: "tab:red",
-    MAGNIFIED: "darkred",
+    PROVEN: COMPARATORS["polytope"].color,
+    OURS: COMPARATORS["posterior"].color,
+    AS_THEY_ARE: COMPARATORS["posterior"].color,
     "minimax regret: current solution": "tab:blue",
-    "expected utility (EVOI, EUBO)": "tab:orange",
+    "expected utility (EVOI, EUBO)": "gold",
     "polyhedral (Toubia)": "tab:green",
     "IDRL": "tab:purple",
-    "APReL: mutual information": "tab:pink",
+    "APReL: mutual information": "black",
     "Gaussian process (Zintgraf)": "tab:olive",
     "policy comparisons (Shao)": "tab:brown",
     "bisection of each level": "tab:cyan",
-    RANDOM: "tab:gray",
+    RANDOM: LOOKS["random questions"]["color"],
 }
 
 
@@ -365,7 +366,7 @@ def draw(frame: pd.DataFrame, path: Path) -> None:
                     mean, n = losses.mean(axis=0), np.arange(losses.shape[1])
                     half = stats.t.ppf(0.975, len(losses) - 1) * stats.sem(losses, axis=0)
                     wide = 2.2 if method.startswith("ours") else 1.1
-                    style = "--" if method == MAGNIFIED else "-"
+                    style = "--" if method == AS_THEY_ARE else "-"
                     mean = np.maximum(mean, 1e-3)
                     ax.plot(n, mean, style, color=colour, label=method, linewidth=wide)
                     low, high = np.maximum(mean - half, 1e-3), np.maximum(mean + half, 1e-3)

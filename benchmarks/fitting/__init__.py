@@ -1,1 +1,1 @@
-"""What a model of an erring tutor costs to keep, and how often it is wrong."""
+"""Cost of keeping a model of an erring tutor, and how often it is wrong."""

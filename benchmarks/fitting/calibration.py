@@ -4,7 +4,7 @@
     FILE.csv]
         [--jobs N] [--levels 5 10 20] [--rules posterior ...] [--settings flips ...] [--seed N]
 
-A data set is a scale, a tutor and what she answered. On random pairs: 1000 answers in order, and
+A data set is a scale, a tutor and the answers. On random pairs: 1000 answers in order, and
 after each of ``COUNTS`` of them the verdicts on fresh pairs. On a learner's pairs: a run of
 Q-learning or value iteration asks what the comparator in question leaves open, up to a budget, and
 its verdicts on what the run compares are judged. ``calibration_questions`` counts what the lapse
@@ -55,10 +55,10 @@ LEAST_GAP = 1e-9  # a tutor's levels must differ in floats
 
 
 class Setting(NamedTuple):
-    """A law of scales, and a tutor: the standard deviation of her logits over the pairs asked, or 0
-    where she flips a share ``flips`` of her answers instead; ``equal``: the largest |d.e| that she
-    calls equal. ``counts``: after how many answers fresh pairs are judged. ``learners``: whether
-    learners run on it too. ``times``: how many times as many data sets."""
+    """A law of scales, and a tutor: the standard deviation of their logits over the pairs asked,
+    or 0 where they flip a share ``flips`` of the answers instead; ``equal``: the largest |d.e| that
+    they call equal. ``counts``: after how many answers fresh pairs are judged. ``learners``: True
+    if learners run on it too. ``times``: how many times as many data sets."""
 
     name: str
     law: str
@@ -310,8 +310,8 @@ def scale(law: str, k: int, rng: Rng) -> Floats:
 def tutor(
     setting: Setting, values: Floats, asked: Floats, seed: int
 ) -> tuple[BradleyTerryTutor | FlippingTutor, float]:
-    """The tutor, and the precision to tell the Bradley-Terry rules: her own, or their default where
-    she has none.
+    """The tutor, and the precision to tell the Bradley-Terry rules: the tutor's own, or their
+    default where there is none.
     """
     spread = float(np.std(asked @ values)) if len(asked) else 0.0
     if not setting.spread:

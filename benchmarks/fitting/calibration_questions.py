@@ -1,4 +1,4 @@
-"""What it costs in questions that nobody tells the posterior how often its tutor answers at random.
+"""Cost in questions if the posterior is not given how often its tutor answers at random.
 
     python -m benchmarks.fitting.calibration_questions [--quick] [--out FILE.md] [--jobs N]
     [--levels 10 20]

@@ -210,7 +210,7 @@ NOTES = [
     "Shares are pooled over data sets: a posterior rule promises that much on average over scales "
     "from its prior. The "
     "rows of one k share their data sets. The Bradley-Terry rules are told the tutor's own "
-    "precision (10 where she "
+    "precision (10 with "
     "flips), the posterior ones learn it. The first learns the lapse too; the one beside it is "
     "told the right one, "
     "twice the share of flips, and 0 for tutors of eq. (6). With learners the budget is the number "

@@ -1,4 +1,4 @@
-"""What it costs, per answer, to keep a model of an unreliable tutor up to date: the usual tools and
+"""Cost per answer of keeping a model of an unreliable tutor up to date: the usual tools and
 this project's.
 
     python -m benchmarks.fitting.fit_cost [--answers 30 300 3000] [--levels 5 10 20] [--quick]

@@ -1,4 +1,4 @@
-"""Data to fit: a tutor who errs, her answers, resamples of them, and pairs to decide."""
+"""Data to fit: a tutor who errs, their answers, resamples of them, and pairs to decide."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What learning costs beside the same loops that know the values."""
+"""Cost of learning, beside the same loops that know the values."""

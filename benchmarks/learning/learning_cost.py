@@ -1,4 +1,4 @@
-"""What interactive Q-learning costs: beside the same loop that knows the values, and beside other
+"""Cost of interactive Q-learning, beside the same loop that knows the values, and beside other
 ways to do it.
 
     python -m benchmarks.learning.learning_cost [--quick] [--only NAME ...] [--levels 5 10 20]

@@ -1,4 +1,4 @@
-"""What ``learning_cost`` measures, function by function: each in a process of its own
+"""Functions that ``learning_cost`` measures, each in a process of its own
 (``benchmarks.own_process``).
 
 Seconds are CPU seconds of one thread. The first run of each kind compiles and fills caches, and

@@ -1,4 +1,4 @@
-"""Who solves an MDP whose values are known, a problem k times smaller than ours: other packages,
+"""Solvers of an MDP whose values are known, a problem k times smaller than ours: other packages,
 each by its own fastest settings, and ours. What each takes beforehand, its own form of the tables,
 is not counted."""
 

@@ -1,1 +1,1 @@
-"""What the paper leaves open, how to explore, and the rows behind notebook 04."""
+"""Measurements of what the paper leaves open, of exploration, and the rows behind notebook 04."""

@@ -1,5 +1,4 @@
-"""What the paper does not state, one choice at a time: how much each moves the questions and losses
-of its comparator.
+"""Choices that the paper does not state, one at a time: their effect on questions and losses.
 
     python -m benchmarks.paper.assumptions --out docs/assumptions.md    an hour on a core
     python -m benchmarks.paper.assumptions --quick                      seconds; rough figures

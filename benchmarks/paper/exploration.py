@@ -1,4 +1,4 @@
-"""What each way of exploring leads to: policy loss of Q-learning with a tutor who is always asked
+"""Loss by way of exploring: policy loss of Q-learning with a tutor who is always asked
 and never errs.
 
 python -m benchmarks.paper.exploration --out docs/exploration.md       about five minutes on one

@@ -1,4 +1,4 @@
-"""What the site says of the paper's figures, from their runs: docs/claims.md, and of docs/paper.md
+"""Pages on the paper's figures, from their runs: docs/claims.md, and of docs/paper.md
 five rows and the section on figures 2 to 4.
 
 python -m benchmarks.paper.figure_pages                             from the committed runs

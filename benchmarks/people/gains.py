@@ -1,4 +1,4 @@
-"""What would predict people's answers better: another law of error, or a prior of earlier people.
+"""Gains in predicting people's answers: by another law of error, or by a prior of earlier people.
 
 Needs the folder with the tables that are not shipped; docs/people.md says what they hold.
 

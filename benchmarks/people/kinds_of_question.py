@@ -1,4 +1,4 @@
-"""What a degree of preference and a slider would save at best, beside plain questions.
+"""Savings by degrees of preference and by sliders, at best, beside plain questions.
 
     python -m benchmarks.people.kinds_of_question --out benchmarks/RESULTS-kinds.md   ten minutes
     python -m benchmarks.people.kinds_of_question --seeds 2                           rough figures

@@ -2,7 +2,7 @@
 places by tiles.
 
 terrain = Terrain(seed=0)
-learner = TileCoded(terrain, seed=0)       # walks about at random, once
+learner = TileCoded(terrain, seed=0)       # tries random steps from random places, once
 policy = learner.train(values)             # from an observation to an action
 terrain.shares(policy)                     # (5,)
 """
@@ -130,7 +130,7 @@ class Tiles:
 
 
 class TileCoded:
-    """Learns from one batch of random walks, without a model, whatever outcomes are worth: fitted Q
+    """Learns from one batch of random steps, without a model, whatever outcomes are worth: fitted Q
     iteration (Ernst, Geurts and Wehenkel 2005) with the means over tiles, which cannot diverge
     (Gordon 1995)."""
 

@@ -29,7 +29,7 @@ from elicit.tutors.erring_tutor import says_left
 
 _LEAST = 1e-3  # bits: what tells less is no question
 MOST_QUESTIONS = 200_000
-"""What each of so many would tell, under a thousand scales, already fills gigabytes."""
+"""Largest number of bags to weigh: under a thousand scales so many already fill gigabytes."""
 
 
 class BagQuestions(NamedTuple):

@@ -107,11 +107,8 @@ class _WeighedCell(NamedTuple):
         if verdict is not Verdict.UNKNOWN:
             all_left = halvings(high, limit)
             return (all_left, 0.0) if verdict is Verdict.BETTER else (0.0, all_left)
-        better, worse = (
-            halvings_left(self.cell.scales, asked, answer, self.d[rows], high, limit)
-            for answer in (Verdict.BETTER, Verdict.WORSE)
-        )
-        return better, worse
+        worse, better = halvings_left(self.cell.scales, asked[None], self.d[rows], high, limit)[0]
+        return float(better), float(worse)
 
     def chance(self, asked: Floats) -> float:
         """Return the probability of the answer "better", if the true scale is in this cell."""

@@ -7,8 +7,6 @@ nothing: it cuts off the thin part of the plausible set in which that one differ
 takes away the parts in which several are open, and some of the rest.
 """
 
-from collections.abc import Callable, Sequence
-
 import numpy as np
 
 from elicit._support.fixed_order import product
@@ -18,13 +16,12 @@ from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import (
     Comparator,
     best_guess,
+    bounds_after,
     draws_in,
-    rough_bounds,
     simultaneous_bounds,
 )
 from elicit.model.difference import tail_sums
 from elicit.model.needs import Needs
-from elicit.model.query import Answers, InconsistentAnswers, Verdict
 from elicit.model.scale import Floats
 
 # A cut is worth asking if it promises so many times what the other question does. Benchmarks on
@@ -38,17 +35,11 @@ _SHARES = (
     0.7,
     0.85,
 )  # of what is plausible that a cut leaves where the answer is the likely one
-# of the bound before, or of the limit: by how much bounds may be too high where cuts are weighed
-_SLACK = 0.1
-# Cuts left after a look at the draws; after a look at so few of the greatest bounds; and for which
-# all bounds are computed.
-_DRAWN, _FEW, _BOUNDED = 16, 16, 4
-_ALL = slice(None)
 _FLAT = 1e-9  # of the longest: directions shorter than that have no room
 _GRAINS = 2.0**30  # of which a mixture of a cut is made
 
 
-CUTTING = Needs(required=("simultaneous_bounds", "draws"), used=("rough_bounds",))
+CUTTING = Needs(required=("simultaneous_bounds", "draws"), used=("bounds_after",))
 """Optional parts of a comparator that cuts are chosen by."""
 
 
@@ -61,73 +52,27 @@ def closing_cut(
     None if the best cut promises less than ``_TIMES`` what the question ``instead`` (k,) does.
 
     Upper bounds ``high`` (n,) on d.e are to come down to ``limit``, and each counts by how many
-    halvings it is away from that. ``draws`` say how likely each of the two answers is. The bounds
-    that an answer leaves are found by telling it to the comparator, whose bounds must fall with
-    answers, as a polytope's do. That is costly with many levels. So the draws choose ``_DRAWN``
-    cuts, the greatest bounds choose ``_BOUNDED`` of these, and all bounds choose the one.
-    Deterministic.
+    halvings it is away from that. ``draws`` say how likely each of the two answers is, and the
+    comparator says which bounds each would leave (``bounds_after``). These must fall with answers,
+    as a polytope's do. Deterministic.
     """
-
-    def promise(asked: Floats, rows: slice = _ALL) -> float:
-        rest = sum(
-            share * halvings_left(comparator, asked, verdict, d[rows], high[rows], limit)
-            for share, verdict in _chances(asked, draws)
-            if share > 0
-        )
-        return round(halvings(high[rows], limit) - rest, 9)
-
     order = np.argsort(-high, kind="stable")
     d, high = d[order], high[order]
-    least = _TIMES * promise(instead)
-    cuts = cuts_towards(draws, d, high, limit)
-    cuts = _best(cuts, drawn_promises(cuts, draws, d, high, limit), _DRAWN)
-    if len(d) > _FEW:
-        cuts = _best(cuts, [promise(cut, slice(_FEW)) for cut in cuts], _BOUNDED)
-    best, cut = _most_promising(cuts, promise)
-    return cut if best > least else None
+    asked = [instead, *cuts_towards(draws, d, high, limit)]
+    wide = high > limit  # the others are closed, whatever is answered
+    left = halvings_left(comparator, np.array(asked), d[wide], high[wide], limit)
+    now, chances = halvings(high, limit), [_chances(one, draws) for one in asked]
+    least, *promised = (
+        round(now - float(product(*both)), 9) for both in zip(chances, left, strict=True)
+    )
+    best = int(np.argmax([0.0, *promised]))  # of equals the first
+    return asked[best] if best and promised[best - 1] > _TIMES * least else None
 
 
-def _chances(asked: Floats, draws: Draws) -> tuple[tuple[float, Verdict], ...]:
-    """Return the weight of the draws for which each answer about ``asked`` (k,) is right."""
+def _chances(asked: Floats, draws: Draws) -> Floats:
+    """Return the weight (2,) of the draws that say "worse" of ``asked`` (k,), and "better"."""
     below = float(product(product(tail_sums(asked), draws.gaps) < 0, draws.weights))
-    return (below, Verdict.WORSE), (1.0 - below, Verdict.BETTER)
-
-
-def _most_promising(
-    cuts: list[Floats], promise: Callable[[Floats], float]
-) -> tuple[float, Floats | None]:
-    """Return the greatest promise and its cut (k,), of equals the first; 0 and None of no cuts."""
-    return max(((promise(cut), cut) for cut in cuts), key=lambda one: one[0], default=(0.0, None))
-
-
-def _best(cuts: list[Floats], scores: Sequence[float], most: int) -> list[Floats]:
-    """Return the cuts with the greatest scores, at most so many, of equals the first."""
-    return [cuts[i] for i in np.argsort(-np.array(scores), kind="stable")[:most]]
-
-
-def drawn_promises(
-    cuts: list[Floats], draws: Draws, d: Floats, high: Floats, limit: float
-) -> list[float]:
-    """Return an estimate of the halvings that each cut (k,) saves, from draws alone.
-
-    An answer brings a bound (n,) down in proportion to how far it brings down the greatest d.e
-    among the draws, both measured from their mean.
-    """
-    worth = product(tail_sums(d), draws.gaps)
-    mean, most = worth.mean(axis=1), worth.max(axis=1)
-    steep = (high - mean) / np.maximum(most - mean, np.finfo(float).tiny)
-    found = []
-    for cut in cuts:
-        below, rest = product(tail_sums(cut), draws.gaps) < 0, 0.0
-        for side in (below, ~below):
-            if side.any():
-                fallen = most - worth[:, side].max(axis=1)
-                with np.errstate(over="ignore", invalid="ignore"):
-                    left = np.where(fallen > 0, high - steep * fallen, high)
-                share = float(product(side.astype(float), draws.weights))
-                rest += share * halvings(left, limit)
-        found.append(round(halvings(high, limit) - rest, 9))
-    return found
+    return np.array([below, 1.0 - below])
 
 
 @one_thread
@@ -154,20 +99,17 @@ def closing_cut_of_one(
     draws = Draws(*found)
     rest, now = high - weight * own[name], halvings(high, limit)
 
-    def promise(asked: Floats) -> float:
-        left = 0.0
-        for share, verdict in _chances(asked, draws):
-            try:
-                known = member.update(Answers(asked[None], [int(verdict)])) if share > 0 else member
-            except InconsistentAnswers:
-                continue
-            slack = _SLACK * np.maximum(limit, high) / weight
-            after = np.minimum(own[name], rough_bounds(known, d, slack))
-            left += share * halvings(rest + weight * after, limit)
-        return round(now - left, 9)
-
-    best, cut = _most_promising(cuts_towards(draws, d, high, limit), promise)
-    return (name, cut) if cut is not None and best > 0 else None
+    cuts = cuts_towards(draws, d, high, limit)
+    if not cuts:
+        return None
+    enough = (limit - rest) / weight
+    after = np.minimum(own[name], bounds_after(member, np.array(cuts), d, enough))
+    promised = [
+        round(now - float(product(_chances(cut, draws), _each_halvings(left, limit))), 9)
+        for cut, left in zip(cuts, rest + weight * after, strict=True)
+    ]
+    best = int(np.argmax(promised))
+    return (name, cuts[best]) if promised[best] > 0 else None
 
 
 def halvings(bounds: Floats, limit: float) -> float:
@@ -176,23 +118,20 @@ def halvings(bounds: Floats, limit: float) -> float:
 
 
 def halvings_left(
-    comparator: Comparator,
-    asked: Floats,
-    verdict: Verdict,
-    d: Floats,
-    high: Floats,
-    limit: float,
-) -> float:
-    """Return the halvings of bounds on d (n, k) that are left after an answer about ``asked`` (k,).
+    comparator: Comparator, asked: Floats, d: Floats, high: Floats, limit: float
+) -> Floats:
+    """Return the halvings of bounds on d (n, k) that are left after an answer, (c, 2).
 
-    ``high`` (n,) are the bounds before it. 0 if the answer contradicts what is known.
+    The questions are ``asked`` (c, k), the answers worse and better, and ``high`` (n,) the bounds
+    before them. 0 if the answer contradicts what is known.
     """
-    try:
-        known = comparator.update(Answers(asked[None], [int(verdict)]))
-    except InconsistentAnswers:
-        return 0.0
-    slack = _SLACK * np.maximum(limit, high)
-    return halvings(np.minimum(high, rough_bounds(known, d, slack)), limit)
+    after = np.minimum(high, bounds_after(comparator, asked, d, limit))
+    return np.array([_each_halvings(left, limit) for left in after])
+
+
+def _each_halvings(left: Floats, limit: float) -> Floats:
+    """Return the ``halvings`` (2,) of bounds (2, n) after either answer."""
+    return np.array([halvings(bounds, limit) for bounds in left])
 
 
 def cuts_towards(draws: Draws, d: Floats, high: Floats, limit: float) -> list[Floats]:

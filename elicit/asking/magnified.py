@@ -6,15 +6,45 @@ methods ask about those. But the sign of d.e is that of any positive multiple of
 part of the two sides can be shrunk, and what differs enlarged.
 """
 
-import math
-from typing import Final, Literal
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
 from elicit.asking.elicitation import Pair
+from elicit.model.scale import Floats
+
+Shown: TypeAlias = Literal["magnified", "as they are"]
+"""How the two sides of a pair are put to the tutor."""
 
 MAGNIFIED: Final[Literal["magnified"]] = "magnified"
-"""The name of this among ways to ask."""
+AS_THEY_ARE: Final[Literal["as they are"]] = "as they are"
+
+_SLACK = 1e-9
+"""A share of the total by which a multiple may exceed the room for it: sums are rounded, and which
+power of two is taken must not hang on that."""
+
+_MOST = 2.0**30
+"""The greatest multiple: what is smaller than its inverse may be rounding alone."""
+
+
+def multiples(left: Floats, right: Floats) -> Floats:
+    """Return the greatest powers of two by which differences can be multiplied.
+
+    Parameters
+    ----------
+    left, right : (n, k) shares
+        The two sides of each of n pairs, of the same total.
+
+    Returns
+    -------
+    (n,)
+        At least 1. It is 1 where the sides are equal, or have little in common.
+    """
+    total = np.maximum(left.sum(axis=1), right.sum(axis=1))
+    apart = _apart(left, right)
+    room = np.divide(total, apart, out=np.ones_like(total), where=apart > 0.0) * (1.0 + _SLACK)
+    _, exponent = np.frexp(np.clip(room, 1.0, _MOST))
+    return np.asarray(np.ldexp(1.0, exponent - 1))
 
 
 def magnified(pair: Pair) -> Pair:
@@ -23,15 +53,18 @@ def magnified(pair: Pair) -> Pair:
     The total of the larger side stays as it is, and so do the proportions of what both sides have
     in common. A pair is known by its value up to powers of two, so it is not asked about twice.
     """
+    times = float(multiples(pair.left[None, :], pair.right[None, :])[0])
+    if times == 1.0:
+        return pair
     common = np.minimum(pair.left, pair.right)
-    total = float(max(pair.left.sum(), pair.right.sum()))
-    apart = total - float(common.sum())
-    if not 0.0 < apart < total:
-        return pair
-    times = 2.0 ** math.floor(math.log2(total / apart))
-    if times <= 1.0:
-        return pair
-    shrunk = common * ((total - times * apart) / float(common.sum()))
+    total = max(pair.left.sum(), pair.right.sum())
+    room = max(0.0, total - times * _apart(pair.left[None, :], pair.right[None, :])[0])
+    shrunk = common * (room / common.sum())
     left, right = (times * (side - common) + shrunk for side in (pair.left, pair.right))
-    about = f"{pair.about} (the difference {times:g} times as large)"
-    return pair._replace(left=left, right=right, about=about)
+    return pair._replace(left=left, right=right)
+
+
+def _apart(left: Floats, right: Floats) -> Floats:
+    """Return (n,) the share of each pair's larger side that the other does not have."""
+    more, less = np.maximum(left - right, 0.0), np.maximum(right - left, 0.0)
+    return np.asarray(np.maximum(more.sum(axis=1), less.sum(axis=1)))

@@ -31,7 +31,6 @@ from elicit.model.comparator import (
     Decisions,
     KeepsAnswers,
     PersonAsked,
-    RoughBounds,
     Tier,
     Verdicts,
     best_guess,
@@ -325,13 +324,6 @@ class Panel:
         lacking = sum(1.0 - confidence for _, confidence in both)
         return self._summed([high for high, _ in both]), max(0.0, 1.0 - lacking)
 
-    def _rough(self, d: ArrayLike, slack: float | Floats) -> Floats:
-        """Return sums of the members' rough bounds: as the weights total 1, so does the slack."""
-        rows = as_differences(d, self.k)
-        return self._summed(
-            [cast(RoughBounds, one).rough_bounds(rows, slack) for one in self._each]
-        )
-
     @cached_property
     def _mean_draws(self) -> Draws | None:
         """Draws of the mean scale: the members' draws, equally likely and in a random order each.
@@ -362,7 +354,7 @@ class _Combination:
 
 _PARTS: Mapping[str, _Combination] = {
     "simultaneous_bounds": _Combination("simultaneous_bounds", lambda panel: panel._all_at_once),
-    "rough_bounds": _Combination("rough_bounds", lambda panel: panel._rough),
+    "bounds_after": _Combination("", lambda panel: None),  # an answer is one member's
     "draws": _Combination("draws", lambda panel: panel._mean_draws),
     "level": _Combination("level", lambda panel: min(cast(Any, one).level for one in panel._each)),
     "confidence": _Combination(

@@ -1,4 +1,4 @@
-"""What a comparator knows, as plain arrays: the rule by which ``decision.judge_kernel`` judges.
+"""A comparator's knowledge as plain arrays: the rule by which ``decision.judge_kernel`` decides.
 
 A loop that compares by the million cannot call Python for each comparison. It takes a comparator's
 ``rule`` anew after every update. One type for all rules, so that code that judges is compiled once,

@@ -213,8 +213,9 @@ def cycles(graph: nx.DiGraph) -> list[Cycle]:
 
 _Nodes: TypeAlias = tuple[int, ...]
 _Said: TypeAlias = tuple[int, int, str]
-"""What one or more answers say about two nodes: better, worse, and "better"; or both in order, and
-"equal".
+"""Relation that one or more answers state between two nodes.
+
+It is better, worse, and "better"; or both in order, and "equal".
 """
 
 

@@ -66,8 +66,8 @@ class Programs:
             return None
         return Solved(np.asarray(solution.x), np.maximum(np.asarray(solution.z)[1 + p :], 0.0))
 
-    def least(self, t: Floats, inside: Floats | None, enough: float = TIGHT) -> float:
-        """Return a proven lower bound on t.g over the region (t of order 1), tight to ``enough``.
+    def least(self, t: Floats, inside: Floats | None) -> float:
+        """Return a proven lower bound on t.g over the region (t of order 1), tight to ``TIGHT``.
 
         ``inside`` is a point strictly inside the region, if there is one. It turns nearly right
         points into right ones, whose t.g shows how tight the bound is. If floats cannot show that,
@@ -77,7 +77,6 @@ class Programs:
         ----------
         t : (p,)
         inside : (p,), optional
-        enough : float
 
         Returns
         -------
@@ -85,7 +84,7 @@ class Programs:
         """
         for propose in (self.solve, self._vertex):
             low, point = self._proven(t, propose(t), inside)
-            if point is not None and float(product(t, point)) - low < enough:
+            if point is not None and float(product(t, point)) - low < TIGHT:
                 return low
         value = minimise_exactly(t, self.region).value
         low = float(value)

@@ -217,8 +217,9 @@ def rates_of(inverse: Any, column: int, known: Known, rate: Any) -> None:
         rate[p + i] = 0.0
     for j in range(p):
         step = inverse[j, column]
-        for i in range(m):
-            rate[p + i] += known.cuts[j, i] * step
+        if step != 0.0:
+            for i in range(m):
+                rate[p + i] += known.cuts[j, i] * step
 
 
 @compiled
@@ -265,19 +266,34 @@ def blocking(slack: Any, rate: Any, is_active: Any) -> int:
 @compiled
 def pivot(inverse: Any, column: int, entering: int, known: Known) -> None:
     """Exchange the constraint of a column of the inverse for another."""
+    w = np.empty(inverse.shape[0])
+    row_at(inverse, entering, known, w)
+    exchange(inverse, column, w)
+
+
+@compiled
+def row_at(inverse: Any, constraint: int, known: Known, w: Any) -> None:
+    """How fast a constraint's slack grows along each edge, a column of the inverse: w (p,)."""
     p = inverse.shape[0]
-    w = np.zeros(p)
-    if entering < p:
-        for i in range(p):
-            w[i] = inverse[entering, i]
-    else:
+    for i in range(p):
+        w[i] = inverse[constraint, i] if constraint < p else 0.0
+    if constraint >= p:
         for j in range(p):
-            for i in range(p):
-                w[i] += known.cuts[j, entering - p] * inverse[j, i]
+            factor = known.cuts[j, constraint - p]
+            if factor != 0.0:
+                for i in range(p):
+                    w[i] += factor * inverse[j, i]
+
+
+@compiled
+def exchange(inverse: Any, column: int, w: Any) -> None:
+    """Let the constraint with these rates w (p,) take the place of a column of the inverse."""
+    p = inverse.shape[0]
     for j in range(p):
         share = inverse[j, column] / w[column]
-        for i in range(p):
-            inverse[j, i] -= share * w[i]
+        if share != 0.0:
+            for i in range(p):
+                inverse[j, i] -= share * w[i]
         inverse[j, column] = share
 
 

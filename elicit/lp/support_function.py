@@ -1,7 +1,11 @@
-"""The support function of K_t: proven greatest t.g for many t at once, in code numba can compile.
+"""The support function of K_t: the greatest t.g for many t at once, in code numba can compile.
 
-Each maximum starts at the best vertex known and walks on from there (``walk``). The result is no
-vertex's value, but the bound that its multipliers prove, rounding included.
+Each maximum starts at the best vertex known and walks on from there (``walk``). The result of
+``greatest`` is no vertex's value, but the bound that its multipliers prove, rounding included.
+
+``greatest_beside`` asks what the maxima would be if K_t were cut in two. It proves nothing: it
+serves to choose cuts. A maximum stays where it is in one of the two parts. In the other one it is
+found by the dual simplex method from there, in a few steps, and K_t itself is not cut.
 """
 
 import math
@@ -16,15 +20,20 @@ from elicit.lp.primal_simplex import (
     USED,
     Known,
     corner_of,
+    exchange,
     multipliers,
+    rates_of,
+    row_at,
     walk,
 )
 from elicit.lp.rounding import bound_of, rounding, slacks_of
 from elicit.lp.sign_proofs import NOWHERE, outermost, signs_at_points
-from elicit.model.difference import tail_sums
+from elicit.model.difference import of_order_one, tail_sums
 from elicit.model.difference_kernel import to_order_one
 from elicit.model.scale import Floats, order_bounds
 
+_MISSED = 1e-10  # by how much a corner may miss a constraint where nothing is to be proven
+_ENTERS = 1e-11  # a rate below that is rounding
 OUTSIDE = 1e-11  # a corner that violates a constraint by at most this lies in K_t up to rounding
 
 
@@ -96,3 +105,127 @@ def greatest_all(t: Any, known: Known, high: Any, reached: Any) -> None:
             reached[i] = 0.0
             for j in range(p):
                 reached[i] += t[i, j] * g[j]
+
+
+def greatest_beside(d: Floats, asked: Floats, known: Known, enough: Floats) -> Floats:
+    """Return about the greatest d.e over each of the two parts into which a question divides K_t.
+
+    Parameters
+    ----------
+    d : (n, k)
+    asked : (c, k)
+        The parts are those where asked.e <= 0 and where asked.e >= 0.
+    known : Known
+    enough : (n,)
+        A number up to this need not be exact: it may be anything up to this.
+
+    Returns
+    -------
+    (c, 2, n)
+        -inf if there is no such part, and inf if floats find no vertex.
+    """
+    t, rows = np.ascontiguousarray(tail_sums(d)), of_order_one(asked).t
+    out = np.full((len(asked), 2, len(d)), np.inf)
+    p, m = known.cuts.shape
+    divided = known._replace(cuts=np.zeros((p, m + 1)), limits=np.append(known.limits, 0.0))
+    divided.cuts[:, :m] = known.cuts
+    expect(_divide, 2e-7 * d.size * d.shape[1] * (1 + len(asked)))
+    with np.errstate(all="ignore"):
+        _divide(t, np.ascontiguousarray(rows), known, divided, np.ascontiguousarray(enough), out)
+    return out
+
+
+@compiled
+def _divide(t: Any, asked: Any, known: Known, divided: Known, enough: Any, out: Any) -> None:
+    """Write the greatest t.g, t (n, p), over the parts made by rows ``asked`` (c, p) into ``out``.
+
+    ``divided`` is K_t with a row more, for the row that makes the part.
+    """
+    (n, p), m = t.shape, len(known.limits)
+    s, y, g = np.empty(p), np.empty(p), np.empty(p)
+    slack, left = np.empty(p + m), np.empty(p + m + 1)
+    nothing = np.zeros(0, dtype=np.bool_)
+    for i in range(n):
+        for j in range(p):
+            s[j] = -t[i, j]
+        size, exponent = to_order_one(s)
+        if size == 0.0 or not math.isfinite(size):
+            continue
+        at = np.empty(known.counts[USED])
+        signs_at_points(s, 0.0, 0, known.points, known.kind, at)
+        start, _ = outermost(at, known.kind, True)
+        if start == NOWHERE:
+            continue
+        before = known.counts[SLOT]
+        walk(s, start, known, nothing, -math.inf)
+        q = start if known.counts[SLOT] == before else before
+        if known.kind[q] == CERTAIN_POINT or multipliers(s, known.inverses, q, y) >= 0:
+            continue
+        corner_of(known.inverses[q], known.active[q], known, g)
+        slacks_of(g, known.margin, known.cuts, known.limits, slack)
+        least, unit = 0.0, math.ldexp(1.0, exponent)
+        for j in range(p):
+            least += s[j] * g[j]
+        for c in range(len(asked)):
+            side = 0.0
+            for j in range(p):
+                side += asked[c, j] * g[j]
+            for part in range(2):
+                sign, found = 2.0 * part - 1.0, least
+                if sign * side < 0.0:
+                    for j in range(p):
+                        divided.cuts[j, m] = sign * asked[c, j]
+                    for r in range(p + m):
+                        left[r] = slack[r]
+                    left[p + m] = sign * side
+                    found = _least_beyond(
+                        s,
+                        known.inverses[q : q + 1].copy(),
+                        known.active[q : q + 1].copy(),
+                        least,
+                        left,
+                        divided,
+                        -enough[i] / unit,
+                    )
+                out[c, part, i] = -found * unit
+
+
+@compiled
+def _least_beyond(
+    s: Any, inverse: Any, active: Any, least: float, slack: Any, known: Known, enough: float
+) -> float:
+    """Return about the least s.g over K_t by the dual simplex method.
+
+    It starts from a basis, in ``inverse`` (1, p, p) and ``active`` (1, p - 1), whose multipliers
+    are not negative and whose corner has the value ``least`` and these slacks (p + m,). It ends as
+    soon as the least is at least ``enough``. inf if K_t is empty.
+    """
+    p = len(s)
+    y, w, rate = np.empty(p), np.empty(p), np.empty(len(slack))
+    multipliers(s, inverse, 0, y)
+    for _ in range(50 + 10 * p):
+        entering = -1
+        for c in range(len(slack)):
+            if slack[c] < (-_MISSED if entering < 0 else slack[entering]):
+                entering = c
+        if entering < 0 or least >= enough:
+            break
+        row_at(inverse[0], entering, known, w)
+        leaving, ratio = -1, math.inf
+        for i in range(1, p):
+            if w[i] > _ENTERS and max(y[i], 0.0) < ratio * w[i]:
+                leaving, ratio = i, max(y[i], 0.0) / w[i]
+        if leaving < 0:
+            return math.inf
+        length = -slack[entering] / w[leaving]
+        rates_of(inverse[0], leaving, known, rate)
+        for c in range(len(slack)):
+            slack[c] += length * rate[c]
+        slack[entering] = 0.0
+        least += length * max(y[leaving], 0.0)
+        for i in range(1, p):
+            y[i] -= ratio * w[i]
+        y[leaving] = ratio
+        active[0, leaving - 1] = entering
+        exchange(inverse[0], leaving, w)
+    return least

@@ -151,13 +151,15 @@ class BoundsAllAtOnce(Protocol):
 
 
 @runtime_checkable
-class RoughBounds(Protocol):
-    """A comparator that bounds all at once in less time, if a little loosely."""
+class ForeseesBounds(Protocol):
+    """A comparator that says what an answer would leave without being told it."""
 
-    def rough_bounds(self, d: ArrayLike, slack: float | Floats) -> Floats:
-        """Return such bounds (n,) on d.e, up to ``slack`` above the least there are.
+    def bounds_after(self, asked: ArrayLike, d: ArrayLike, enough: ArrayLike) -> Floats:
+        """Return about the simultaneous bounds on d.e that each answer would leave.
 
-        The differences d are (n, k), and the slack is one number or (n,).
+        They are (c, 2, n) for c questions ``asked`` (c, k), the answers worse and better, and n
+        differences d (n, k); -inf if the answer contradicts what is known. A bound up to
+        ``enough``, one number or (n,), may be any number up to that.
         """
 
 
@@ -211,11 +213,11 @@ OPTIONAL_PARTS = (
         _ALL + _PANEL,
     ),
     Part(
-        "RoughBounds",
-        "rough_bounds(d, slack)",
-        "beside `simultaneous_bounds`: such bounds, up to `slack` above the least there are, in "
-        "less time",
-        "Cuts are chosen by it. Without it they are chosen by `simultaneous_bounds`.",
+        "ForeseesBounds",
+        "bounds_after(asked, d, enough)",
+        "beside `simultaneous_bounds`: about these (c, 2, n), after the answers worse and better "
+        "to c questions",
+        "Cuts are chosen by it. Without it a comparator is told each answer on trial.",
         ("PolytopeComparator",),
     ),
     Part(
@@ -245,7 +247,8 @@ OPTIONAL_PARTS = (
         "probability(d)",
         "(n,) the probability that the tutor says left is better; of several arrays the last is "
         "the best guess",
-        "`held_out` scores it. Without it there is no log-likelihood.",
+        "`held_out` scores it, and policy iteration asks about magnified differences (`bags`). "
+        "Without it there is no log-likelihood.",
         _MODELS,
     ),
     Part(
@@ -436,14 +439,31 @@ def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, f
     return np.minimum(bounds_of(comparator, rows)[1], order_bounds(tail_sums(rows), 0.0)[1]), np.nan
 
 
-def rough_bounds(comparator: Comparator, d: Floats, slack: float | Floats) -> Floats:
-    """Return ``simultaneous_bounds`` (n,) of differences d (n, k), perhaps a little loose.
+def bounds_after(
+    comparator: Comparator, asked: Floats, d: Floats, enough: float | Floats
+) -> Floats:
+    """Return about the simultaneous bounds (c, 2, n) on d (n, k) that answers would leave.
 
-    They may be up to ``slack``, one number or (n,), too high if that takes less time.
+    The questions are ``asked`` (c, k), and the answers worse and better. -inf if an answer
+    contradicts what is known. Bounds up to ``enough``, one number or (n,), may be any number up to
+    that.
     """
-    if offers(comparator, "rough_bounds"):
-        return cast(RoughBounds, comparator).rough_bounds(d, slack)
-    return simultaneous_bounds(comparator, d)[0]
+    if offers(comparator, "bounds_after"):
+        return cast(ForeseesBounds, comparator).bounds_after(asked, d, enough)
+    return bounds_on_trial(comparator, asked, d)
+
+
+def bounds_on_trial(comparator: Comparator, asked: Floats, d: Floats) -> Floats:
+    """Return the same by telling the comparator each answer."""
+    out = np.full((len(asked), 2, len(d)), -np.inf)
+    for i, row in enumerate(asked):
+        for part, verdict in enumerate((Verdict.WORSE, Verdict.BETTER)):
+            try:
+                known = comparator.update(Answers(row[None], [int(verdict)]))
+            except InconsistentAnswers:
+                continue
+            out[i, part] = simultaneous_bounds(known, d)[0]
+    return out
 
 
 def _checked_bounds(found: object, name: str, n: int) -> tuple[Floats, float]:

@@ -2,9 +2,69 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from threading import Event, Thread, main_thread
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from threading import Condition, Event, Thread, main_thread
 from typing import Any
+
+_LOOK = 0.2  # seconds after which a thread that waits looks whether it was given up
+
+
+class Turns:
+    """Turns of several background threads, so that nobody's work takes the time of another's.
+
+    One thread computes at a time, in the order in which they came. None begins a step while
+    somebody waits for a reply.
+    """
+
+    def __init__(self) -> None:
+        self._changed = Condition()
+        self._waiting: deque[object] = deque()
+        self._computing = False
+        self._replies = 0
+
+    @contextmanager
+    def reply(self) -> Iterator[None]:
+        """Hold back the background threads while a reply to a person is computed."""
+        with self._changed:
+            self._replies += 1
+        try:
+            yield
+        finally:
+            with self._changed:
+                self._replies -= 1
+                self._changed.notify_all()
+
+    def take(self, given_up: Callable[[], bool]) -> bool:
+        """Wait for a turn, and return whether it came before the work was given up.
+
+        Whoever has it must call ``leave`` after the step.
+
+        Parameters
+        ----------
+        given_up : callable
+            Returns whether the work was given up.
+        """
+        mine = object()
+        with self._changed:
+            self._waiting.append(mine)
+            try:
+                while not given_up():
+                    if not self._replies and not self._computing and self._waiting[0] is mine:
+                        self._computing = True
+                        return True
+                    self._changed.wait(_LOOK)
+                return False
+            finally:
+                self._waiting.remove(mine)
+                self._changed.notify_all()
+
+    def leave(self) -> None:
+        """Let the next thread compute."""
+        with self._changed:
+            self._computing = False
+            self._changed.notify_all()
 
 
 class Background:
@@ -13,11 +73,17 @@ class Background:
     The work can be given up between two steps, and it is once the program ends, so a step should be
     short. If a step fails, the rest is left out. It fails again, and is reported, where its result
     is needed.
+
+    Parameters
+    ----------
+    turns : Turns, optional
+        Given if several such threads share a process.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, turns: Turns | None = None) -> None:
         self._thread: Thread | None = None
         self._given_up = Event()
+        self._turns = turns or Turns()
 
     def start(self, steps: Iterator[Any]) -> None:
         """Go through ``steps``, computed one by one, in place of the earlier ones.
@@ -29,7 +95,9 @@ class Background:
         self.stop()
         self._given_up = Event()
         self._thread = Thread(
-            target=_run, args=(steps, self._given_up, self._thread), name="elicit, while one reads"
+            target=_run,
+            args=(steps, self._given_up, self._thread, self._turns),
+            name="elicit, while one reads",
         )
         self._thread.start()
 
@@ -45,12 +113,18 @@ class Background:
             self._thread = None
 
 
-def _run(steps: Iterator[Any], given_up: Event, before: Thread | None) -> None:
+def _run(steps: Iterator[Any], given_up: Event, before: Thread | None, turns: Turns) -> None:
     if before is not None:
         before.join()  # it ends after its step
+
     # the program waits for a non-daemon thread when it ends, so the thread must notice that itself
-    while not given_up.is_set() and main_thread().is_alive():
+    def is_given_up() -> bool:
+        return given_up.is_set() or not main_thread().is_alive()
+
+    while not is_given_up() and turns.take(is_given_up):
         try:
             next(steps)
         except Exception:  # including StopIteration
             return
+        finally:
+            turns.leave()

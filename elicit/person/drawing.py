@@ -112,15 +112,6 @@ class Drawing:
         self._start: Start | None = None  # computed when it is first needed
         self._found: tuple[tuple[int, int], tuple[tuple[Entry, ...], ...]] | None = None
 
-    def _legend(self) -> dict[str, Any]:
-        words, labels = self._subject.words, self._subject.labels
-        meanings = words.levels if len(words.levels) == len(labels) else ("",) * len(labels)
-        levels = [
-            {"label": printable(label), "level": level, "meaning": printable(meaning)}
-            for level, (label, meaning) in enumerate(zip(labels, meanings, strict=True))
-        ]
-        return {"duration": printable(words.duration), "levels": levels[::-1]}
-
     def _welcome(self) -> dict[str, Any]:
         words, start = self._subject.words, self._at_start()
         loss = None if start is None else start.loss
@@ -320,7 +311,7 @@ class Drawing:
                 log=None if log.path is None else printable(log.path.name),
                 checksum=log.checksum,
                 preamble=printable(self._subject.words.preamble),
-                legend=self._legend(),
+                legend=legend_of(self._subject),
                 facts={**facts, "Version": f"elicit-qlearn {version()}"},
                 limits=self._limits(),
             ),
@@ -491,6 +482,17 @@ class Drawing:
 
     def _sentence(self, entry: Entry) -> str:
         return self._shown(entry.answer.query).sentence(entry.answer.verdict)
+
+
+def legend_of(subject: Subject) -> dict[str, Any]:
+    """Return what the levels mean, best first, and how long they last."""
+    words, labels = subject.words, subject.labels
+    meanings = words.levels if len(words.levels) == len(labels) else ("",) * len(labels)
+    levels = [
+        {"label": printable(label), "level": level, "meaning": printable(meaning)}
+        for level, (label, meaning) in enumerate(zip(labels, meanings, strict=True))
+    ]
+    return {"duration": printable(words.duration), "levels": levels[::-1]}
 
 
 def shown_of(subject: Subject, query: Query) -> Shown:

@@ -88,11 +88,18 @@ def scale_rows(
     return rows[::-1]
 
 
-def certainty(comparator: Comparator) -> str:
-    """Return a phrase on how certain each interval of ``scale_rows`` is."""
+def certainty(comparator: Comparator, whose: str = "your") -> str:
+    """Return a phrase on how certain each interval of ``scale_rows`` is.
+
+    Parameters
+    ----------
+    comparator : Comparator
+    whose : {"your", "the"}
+        The answers' owner, in the phrase.
+    """
     level = trusted_share(comparator)
     return (
-        assumed_of_answers(wrong_of(comparator), "your")
+        assumed_of_answers(wrong_of(comparator), whose)
         if level is None
         else f"each with {level:.0%} probability"
     )

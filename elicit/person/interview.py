@@ -113,7 +113,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from inspect import signature
 from itertools import chain
@@ -122,14 +122,15 @@ from typing import Any
 from elicit._support.closing import Closing
 from elicit.model.query import Answer, Query, Verdict
 from elicit.person.asker import AfterAnswer, Asker, Compares, Supposed
-from elicit.person.background import Background
+from elicit.person.background import Background, Turns
 from elicit.person.course.choices import CHOICES, Choices
 from elicit.person.course.conduct import ORDER, Conduct, differs
 from elicit.person.course.consequences import Consequences
 from elicit.person.course.further import LEVEL, level_question, order_question
 from elicit.person.course.pace import FEW_HASTY, Pace
+from elicit.person.course.progress import Progress
 from elicit.person.course.repeats import LEAST_CHECKS
-from elicit.person.drawing import MINUTES, Drawing, shown_of
+from elicit.person.drawing import MINUTES, Drawing, legend_of, shown_of
 from elicit.person.drawing import Subject as Subject
 from elicit.person.look_ahead import LookAhead
 from elicit.person.outlook import Outlook, Prospects
@@ -158,6 +159,47 @@ class _Beside:
     outlook: Outlook | None = None
 
 
+class Company(Closing):
+    """Interviews about one subject, and what they share. ``close`` ends its work.
+
+    Parameters
+    ----------
+    several : bool
+        True if there are several interviews. What one of them needs must then go on when another
+        one no longer does.
+    """
+
+    def __init__(self, several: bool = False) -> None:
+        self.turns = Turns()
+        self._several, self._lock = several, threading.Lock()
+        self._background = Background(self.turns)
+        self._prospects: Prospects | None = None
+
+    def foresee(self, prospects: Prospects, own: Background) -> Prospects:
+        """Return prospects that are computed now, or others of the same numbers of questions.
+
+        Before their first answer all people have the same prospects, so these are computed once.
+
+        Parameters
+        ----------
+        prospects : Prospects
+        own : Background
+            The interview's own, for work that nobody shares.
+        """
+        with self._lock:
+            if self._several and self._prospects is None:
+                self._prospects = prospects
+                self._background.start(prospects.steps())
+            if self._prospects is not None and self._prospects.questions == prospects.questions:
+                return self._prospects
+        own.start(prospects.steps())
+        return prospects
+
+    def close(self) -> None:
+        """End the work."""
+        self._background.close()
+
+
 class Interview(Drawing, Closing):
     """A session as screens and messages (see the module).
 
@@ -168,6 +210,8 @@ class Interview(Drawing, Closing):
     ----------
     session : Session
     subject : Subject
+    company : Company, optional
+        What it shares with other interviews about the same subject in the same process.
 
     Raises
     ------
@@ -176,9 +220,11 @@ class Interview(Drawing, Closing):
         after which the same message may be sent again.
     """
 
-    def __init__(self, session: Session, subject: Subject) -> None:
+    def __init__(self, session: Session, subject: Subject, company: Company | None = None) -> None:
         super().__init__(session, subject)
         self._lock = threading.RLock()
+        self._company = company or Company()
+        self._over: str | None = None  # the note of an interview that takes no more answers
         self._started = self._practised = any(not entry.retracted for entry in session.log)
         self._put: str | None = None  # id of the query that was logged last as shown
         self.shown: Shown | None = None
@@ -189,7 +235,7 @@ class Interview(Drawing, Closing):
         if subject.least:
             session.further = self._further
             session.check_regularly()
-        self._background = Background()
+        self._background = Background(self._company.turns)
         self._beside: _Beside | None = None
         self._prospects: Prospects | None = None
         self._pace = Pace()  # then: whoever does not hold the lock may not read the log
@@ -218,6 +264,8 @@ class Interview(Drawing, Closing):
             "report": self._report,
             "download": self._download,
         }
+        self.progress = self._progress(None)
+        """The point at which it stood after the last message."""
 
     @property
     def _unlocked(self) -> tuple[Callable[..., dict[str, Any]], ...]:
@@ -252,8 +300,28 @@ class Interview(Drawing, Closing):
             signature(does).bind(**parts)
         except TypeError:
             raise ValueError("the parts of this message are not those it should have") from None
-        with nullcontext() if does in self._unlocked else self._lock:
+        if does in self._unlocked:
             return does(**parts)
+        with self._lock, self._company.turns.reply():
+            only_reads = does in (self._answers, self._report, self._download)
+            if self._over is not None and not only_reads:
+                return self._after_all(self._over)
+            screen = does(**parts)
+            self.progress = self._progress(self.progress, None if only_reads else screen)
+            return screen
+
+    def take_no_more(self, note: str) -> None:
+        """Take no more answers. From now on every screen is the result, with this note.
+
+        Nothing is written to the log any more once this returns.
+
+        Parameters
+        ----------
+        note : str
+        """
+        with self._lock:
+            self._over = printable(note)
+            self._background.stop()
 
     def close(self) -> None:
         """End the background computation.
@@ -261,6 +329,25 @@ class Interview(Drawing, Closing):
         The session stays open, and the interview may be used again.
         """
         self._background.close()
+
+    def _progress(
+        self, before: Progress | None, screen: Mapping[str, Any] | None = None
+    ) -> Progress:
+        """Return where the interview stands, of which ``screen`` is what the person sees now."""
+        asker = self._session.current_asker()
+        known = asker.comparator if isinstance(asker, Compares) else None
+        entries = tuple(self._session.log)
+        if screen is None:
+            return replace(before or Progress((), None), entries=entries, comparator=known)
+        end = screen["end"]
+        settled = end is not None and bool(end["settled"])
+        return Progress(entries, known, screen["stage"], settled, screen["time"]["planned"])
+
+    def _after_all(self, note: str) -> dict[str, Any]:
+        """Return the screen of an interview that takes no more answers."""
+        screen = self._result()
+        end = {**screen["end"], "more": False, "next": ""}
+        return {**screen, "end": end, "last": None, "note": note}
 
     def _screen(self, note: str | None = None) -> dict[str, Any]:
         session, words = self._session, self._subject.words
@@ -318,7 +405,7 @@ class Interview(Drawing, Closing):
             "title": printable(words.title),
             "preamble": printable(words.preamble),
             "note_beside": printable(words.note),
-            "legend": self._legend(),
+            "legend": legend_of(self._subject),
             "stage": "welcome",
             "answered": sum(not entry.repeat for entry in standing),
             "open_conflicts": sum(CONTRADICTS in e.metadata and not e.used for e in standing),
@@ -345,8 +432,8 @@ class Interview(Drawing, Closing):
         if self._prospects is None and (twin := self._session.twin()) is not None:
             self._pace = pace = Pace.of(self._session.log)
             numbers = [pace.questions_in(minutes) for minutes in MINUTES]
-            self._prospects = Prospects(twin, numbers, self._subject.seed, self._ends)
-            self._background.start(self._prospects.steps())
+            prospects = Prospects(twin, numbers, self._subject.seed, self._ends)
+            self._prospects = self._company.foresee(prospects, self._background)
 
     def _prospects_so_far(self) -> dict[str, Any]:
         """Return what the budgets will likely prove, without taking the lock."""

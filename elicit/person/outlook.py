@@ -317,7 +317,8 @@ class Prospects:
     def __init__(
         self, twin: Asker, questions: Sequence[int], seed: int, ends: Callable[..., bool]
     ) -> None:
-        self._twin, self._questions, self._seed, self._ends = twin, tuple(questions), seed, ends
+        self._twin, self._seed, self._ends = twin, seed, ends
+        self.questions = tuple(questions)
         self._losses: list[list[float]] = []  # of each session, after each number of questions
         self._lengths: list[int] = []
         self.ready = False
@@ -330,7 +331,7 @@ class Prospects:
             known = self._twin.comparator if isinstance(self._twin, Compares) else None
             for says in plausible_tutors(known, self._seed, "prospects", range(_RUNS)):
                 asker, asked, losses = copy.deepcopy(self._twin), 0, []
-                for budget in self._questions:
+                for budget in self.questions:
                     while asked < _proving(budget):
                         query = next(iter(asker.ask()), None)
                         if query is None or self._ends(query):
@@ -360,7 +361,7 @@ class Prospects:
                 sum(length < _proving(budget) for length in lengths),
                 sorted(one[i] for one in losses[:n])[n // 2],
             )
-            for i, budget in enumerate(self._questions)
+            for i, budget in enumerate(self.questions)
         ]
 
     def length(self) -> int | None:
@@ -372,7 +373,7 @@ class Prospects:
         if len(lengths) < _FEWEST_RUNS:
             return None
         half = lengths[len(lengths) // 2]
-        if half >= _proving(self._questions[-1]):
+        if half >= _proving(self.questions[-1]):
             return None
         return half + max(LEAST_CHECKS, half // (_CHECKS - 1))
 

@@ -15,7 +15,7 @@ _COLOURS = (
     (107, 174, 214),
     (8, 81, 156),
 )
-_STYLE = """
+STYLE = """
 body { margin: 2rem auto; max-width: 52rem; padding: 0 1rem; color: #14202b; background: #fff;
   font: 16px/1.45 system-ui, -apple-system, "Segoe UI", "DejaVu Sans", sans-serif; overflow-wrap: anywhere; }
 h1 { font-size: 1.6rem; line-height: 1.25; margin: 0; } h2 { font-size: 1.15rem; margin: 1.8rem 0 .4rem; }
@@ -105,8 +105,8 @@ def report_page(
     """
     name = title or "Your judgement"
     parts = [
-        f"<h1>{_text(name)}: a report</h1>",
-        f'<p class="soft">{_text(when)}. {_text(_counted(end["counts"]))}</p>',
+        f"<h1>{escaped(name)}: a report</h1>",
+        f'<p class="soft">{escaped(when)}. {escaped(counted(end["counts"]))}</p>',
     ]
     if waiting:
         parts.append(
@@ -114,39 +114,41 @@ def report_page(
         )
     parts += _headline(end)
     if end["open"]:
-        parts.append(f"<p>{_text(end['open'])}</p>")
+        parts.append(f"<p>{escaped(end['open'])}</p>")
     if end["scale"]:
         parts += ["<h2>What the levels are worth</h2>", *_scale(end["scale"], end["certainty"])]
     if end["conflicts"]:
         parts.append("<h2>Answers that contradict each other</h2>")
-        parts += map(_conflict, end["conflicts"])
+        parts += map(conflict_box, end["conflicts"])
     if end["statements"]:
         parts += ["<h2>What else follows</h2>", *_statements(end["statements"])]
     if end.get("changes"):
         parts += _changes(end["changes"])
     if details.preamble or details.legend:
-        asked = _asked_about(details.preamble, details.legend)
+        asked = asked_about(details.preamble, details.legend)
         parts += ["<h2>What was asked</h2>", *asked]
     parts += ["<h2>Every answer</h2>", *_answers(answers, end["conflicts"])]
     if details.limits:
         parts.append("<h2>What this does not say</h2>")
-        parts += [f"<p>{_text(sentence)}</p>" for sentence in details.limits]
+        parts += [f"<p>{escaped(sentence)}</p>" for sentence in details.limits]
     if details.log is not None:
         check = ""
         if details.checksum is not None:
             check = f", whose last line has the checksum {details.checksum}"
         parts.append(
             '<p class="soft log">The answers are kept in the file '
-            f"{_text(details.log)}{_text(check)}.</p>"
+            f"{escaped(details.log)}{escaped(check)}.</p>"
         )
     if details.facts:
-        named = "".join(f"<dt>{_text(k)}</dt><dd>{_text(v)}</dd>" for k, v in details.facts.items())
+        named = "".join(
+            f"<dt>{escaped(k)}</dt><dd>{escaped(v)}</dd>" for k, v in details.facts.items()
+        )
         parts.append(f"<dl>{named}</dl>")
     body = "\n".join(parts)
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{_text(name)}: a report</title>\n<style>{_STYLE}</style>\n</head>\n"
+        f"<title>{escaped(name)}: a report</title>\n<style>{STYLE}</style>\n</head>\n"
         f"<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
     )
 
@@ -154,45 +156,49 @@ def report_page(
 def _headline(end: Mapping[str, Any]) -> Iterator[str]:
     """Return the conclusion: what was found, how sure it is, and what could be lost before."""
     if end.get("headline"):
-        yield f'<p class="headline">{_text(end["headline"])}</p>'
+        yield f'<p class="headline">{escaped(end["headline"])}</p>'
     for said in (end.get("caution"), *end.get("remarks", ())):
         if said:
-            yield f'<p class="caution">{_text(said)}</p>'
+            yield f'<p class="caution">{escaped(said)}</p>'
     for name in ("sure", "before", "next"):
         if end.get(name):
-            yield f"<p>{_text(end[name])}</p>"
+            yield f"<p>{escaped(end[name])}</p>"
 
 
 def _changes(changes: Mapping[str, Any]) -> Iterator[str]:
-    yield f"<h2>{_text(changes['title'])}</h2>\n<p>{_text(changes['note'])}</p>"
+    yield f"<h2>{escaped(changes['title'])}</h2>\n<p>{escaped(changes['note'])}</p>"
     if changes["rows"]:
-        head = "".join(f'<th scope="col">{_text(name)}</th>' for name in changes["columns"])
+        head = "".join(f'<th scope="col">{escaped(name)}</th>' for name in changes["columns"])
         yield f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>"
         for row in changes["rows"]:
-            yield f"<tr>{''.join(f'<td>{_text(cell)}</td>' for cell in row)}</tr>"
+            yield f"<tr>{''.join(f'<td>{escaped(cell)}</td>' for cell in row)}</tr>"
         yield "</tbody>\n</table>"
 
 
-def _asked_about(preamble: str, legend: Mapping[str, Any] | None) -> Iterator[str]:
+def asked_about(preamble: str, legend: Mapping[str, Any] | None) -> Iterator[str]:
+    """Return what stood before the questions, and what the levels mean."""
     if preamble:
-        yield f"<p>{_text(preamble)}</p>"
+        yield f"<p>{escaped(preamble)}</p>"
     if legend is None:
         return
     if legend["duration"]:
-        yield f"<p>{_text(legend['duration'])}</p>"
+        yield f"<p>{escaped(legend['duration'])}</p>"
     if any(level["meaning"] for level in legend["levels"]):
         rows = "".join(
-            f'<tr><th scope="row">{_text(one["label"])}</th><td>{_text(one["meaning"])}</td></tr>'
+            f'<tr><th scope="row">{escaped(one["label"])}</th>'
+            f"<td>{escaped(one['meaning'])}</td></tr>"
             for one in legend["levels"]
         )
         yield f"<table><tbody>{rows}</tbody></table>"
 
 
-def _text(words: object) -> str:
+def escaped(words: object) -> str:
+    """Return words as a part of HTML."""
     return escape(str(words))
 
 
-def _counted(counts: Mapping[str, int]) -> str:
+def counted(counts: Mapping[str, int]) -> str:
+    """Return how many answers there were, of which kinds, and how repeats were answered."""
     named = {
         "equal": "equally good",
         "cannot tell": "cannot tell",
@@ -214,7 +220,7 @@ def _scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> Iterator[str]:
         "60 of 100 at the best level and 40 at the worst. The bar is what is still possible, and "
         "the dot is the best guess. A dashed bar is a level that no answer is about."
     )
-    yield f'<table class="scale">\n<caption>{said} The ranges hold {_text(certainty)}.</caption>'
+    yield f'<table class="scale">\n<caption>{said} The ranges hold {escaped(certainty)}.</caption>'
     marks = "".join(f'<text x="{x}%" y="14" text-anchor="middle">{x}</text>' for x in (0, 50, 100))
     axis = f'<svg height="18" font-size="13" fill="#4a5864" aria-hidden="true">{marks}</svg>'
     yield f'<thead><tr><th scope="col">Level</th><td class="drawn">{axis}</td>'
@@ -227,17 +233,17 @@ def _scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> Iterator[str]:
         low, high = row["low"], row["high"]
         between = "fixed" if low == high else f"{low:.0f} to {high:.0f}"
         known = row.get("asked", True)
-        colour = _colour(1.0 - i / max(1, len(rows) - 1)) if known else None
-        picture = _interval(low, row["value"], high, colour)
+        colour = colour_of(1.0 - i / max(1, len(rows) - 1)) if known else None
+        picture = interval_picture(low, row["value"], high, colour)
         guess = f"{row['value']:.0f}" if known else "unknown"
         yield (
-            f'<tr><th scope="row">{_text(row["label"])}</th><td class="drawn">{picture}</td>'
+            f'<tr><th scope="row">{escaped(row["label"])}</th><td class="drawn">{picture}</td>'
             f'<td class="number">{guess}</td><td class="number">{between}</td></tr>'
         )
     yield "</tbody>\n</table>"
 
 
-def _interval(low: float, value: float, high: float, colour: str | None) -> str:
+def interval_picture(low: float, value: float, high: float, colour: str | None) -> str:
     """Return an interval drawn on the scale, hollow and without its dot if the colour is None."""
     grid = "".join(
         f'<line x1="{x}%" x2="{x}%" y1="0" y2="100%" stroke="#e4e9ee"/>'
@@ -255,7 +261,7 @@ def _interval(low: float, value: float, high: float, colour: str | None) -> str:
     )
 
 
-def _colour(share: float) -> str:
+def colour_of(share: float) -> str:
     """Return the colour of a level, from the worst one's (0) to the best one's (1)."""
     at = share * (len(_COLOURS) - 1)
     low = min(int(at), len(_COLOURS) - 2)
@@ -270,14 +276,15 @@ def _statements(lines: Iterable[str]) -> Iterator[str]:
         item = line.startswith("  ")
         if item != within:
             yield "<ul>" if item else "</ul>"
-        yield f"<li>{_text(line.strip())}</li>" if item else f"<p>{_text(line)}</p>"
+        yield f"<li>{escaped(line.strip())}</li>" if item else f"<p>{escaped(line)}</p>"
         within = item
     if within:
         yield "</ul>"
 
 
-def _conflict(entries: Sequence[Mapping[str, Any]]) -> str:
-    items = "".join(f"<li>{_text(entry['sentence'])}</li>" for entry in entries)
+def conflict_box(entries: Sequence[Mapping[str, Any]]) -> str:
+    """Return answers that contradict each other."""
+    items = "".join(f"<li>{escaped(entry['sentence'])}</li>" for entry in entries)
     said = (
         f"These {len(entries)} answers contradict each other. Withdrawing any one of them fixes it."
     )
@@ -303,10 +310,10 @@ def _answers(
             "ignored": stands and not one["used"] and not one["repeat"],
             "asked again as a check": one["repeat"],
         }
-        said = _text(one["sentence"]) if stands else f"<s>{_text(one['sentence'])}</s>"
+        said = escaped(one["sentence"]) if stands else f"<s>{escaped(one['sentence'])}</s>"
         if one.get("shown"):
-            said += f'<br><span class="soft shown">{_text(one["shown"])}</span>'
-        when = _text((one["time"] or "")[:16].replace("T", " "))
+            said += f'<br><span class="soft shown">{escaped(one["shown"])}</span>'
+        when = escaped((one["time"] or "")[:16].replace("T", " "))
         noted = ", ".join(words for words, holds in remarks.items() if holds)
         yield (
             f'<tr><td>{number}</td><td>{said}</td><td class="soft">{when}</td><td>{noted}</td></tr>'

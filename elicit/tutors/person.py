@@ -54,7 +54,7 @@ DRAWN_FROM = Population(
     side=0.04,
     side_sd=0.04,
 )
-"""What was found on half of the people: see PersonTutor in benchmarks/RESULTS-people.md."""
+"""Parameters found on half of the people: see PersonTutor in benchmarks/RESULTS-people.md."""
 
 
 class PersonTutor:

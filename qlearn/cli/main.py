@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from qlearn.cli import ablate, figures, log, result, teach
+from qlearn.cli import ablate, figures, log, report, result, teach
 from qlearn.cli.options import without
 
 
@@ -48,6 +48,7 @@ def parser() -> argparse.ArgumentParser:
     log.add_to(commands)
     teach.add_to(commands)
     result.add_to(commands)
+    report.add_to(commands)
     return made
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from elicit import Interview
 
 _WIDTH = 80
-_NO_RECIPE = (
+NO_RECIPE = (
     "{} does not say which problem its answers are about: name it with --problem, as for qlearn "
     "teach"
 )
@@ -60,7 +60,7 @@ def run(
     try:
         recipe = dict(AnswerLog.read(log).header.get(RECIPE, {}))
         if problem is None and "problem" not in recipe:
-            return fail(_NO_RECIPE.format(log))
+            return fail(NO_RECIPE.format(log))
         taught = taught_by(
             problem_parser(recipe["problem"]) if problem is None else problem,
             comparator or recipe.get("comparator", "posterior"),

@@ -6,6 +6,7 @@ import argparse
 import re
 import shlex
 import sys
+import unicodedata
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -28,6 +29,9 @@ _AUDIT = 0.1
 LONGEST_NAME = 80
 RECIPE = "recipe"
 """The field of a log's header that holds the options of ``qlearn teach`` that began it."""
+_MOST_PEOPLE = 50
+_LONGEST_PART = 120  # bytes of a name in a file's name, of which most file systems allow 255
+_INVITED = Number(int, lambda n: 1 <= n <= _MOST_PEOPLE, f"a whole number from 1 to {_MOST_PEOPLE}")
 _BUDGET = Number(int, lambda n: 1 <= n < 10_000, "a whole number from 1 to 9999")
 _DAYS = Number(int, lambda n: n >= 2, "a whole number of at least 2")
 
@@ -35,7 +39,7 @@ _DAYS = Number(int, lambda n: n >= 2, "a whole number of at least 2")
 class SessionOptions(TypedDict):
     """The person who answers, the planned number of questions, and the address of the page.
 
-    The address counts if ``web`` is given.
+    The address counts if ``web`` is given, and with it the people of a study.
     """
 
     who: str | None
@@ -44,6 +48,8 @@ class SessionOptions(TypedDict):
     port: int
     host: str
     let_others_in: bool
+    people: tuple[str, ...] | None
+    invite: tuple[str, ...] | None
 
 
 def add_to(commands: Any) -> None:
@@ -167,6 +173,26 @@ def add_to(commands: Any) -> None:
         "network can read "
         "the answers, and answer",
     )
+    study = command.add_argument_group(
+        "several people",
+        "With --web: one link for each person, who has a session and a log of their own, and a "
+        "page for whoever runs the study. qlearn report makes the report.",
+    )
+    some = study.add_mutually_exclusive_group()
+    some.add_argument(
+        "--people",
+        type=people_parser,
+        metavar="NAME,NAME,...",
+        help="names or pseudonyms of the people who answer; their logs are "
+        "answers-PROBLEM-NAME.jsonl [nobody]",
+    )
+    some.add_argument(
+        "--invite",
+        type=_invited,
+        metavar="N",
+        help="the same for so many people without names, person-1 and so on, at most "
+        f"{_MOST_PEOPLE} [nobody]",
+    )
 
 
 def run(
@@ -188,12 +214,43 @@ def run(
 
     questions = how["questions"]
     name = problem if isinstance(problem, str) else problem.name
-    short = Path(name).stem if name.lower().endswith(".csv") else name.replace(":", "-")
+    short = short_name(name)
+    if people := how["people"] or how["invite"]:
+        wrong = _not_for_several(log, how)
+        if wrong:
+            return fail(wrong)
+        from qlearn.cli.teach_study import StudyPlan, run_study
+
+        recipe = {
+            "problem": name,
+            "comparator": comparator,
+            "days": days,
+            "unit": unit,
+            "seed": seed,
+            "tolerance": tolerance,
+        }
+        paths = {who: Path(f"answers-{short}-{in_a_path(who)}.jsonl") for who in people}
+        headers = {who: begun_with(path, recipe) for who, path in paths.items()}
+        some = ["--people", ",".join(people)]
+        if how["invite"]:
+            some = ["--invite", str(len(people))]
+        again = ["qlearn", "teach", "--web", *some, "--problem", name, "--comparator", comparator]
+        again += ["--days", str(days), "--seed", str(seed), "--audit", str(audit)]
+        again += [] if unit is None else ["--unit", unit]
+        again += [] if name.lower().endswith(".csv") else ["--tolerance", str(tolerance)]
+        again += address_options(how)
+        report = ["qlearn", "report", *map(str, paths.values()), "--out", f"study-{short}"]
+        plan = StudyPlan(paths, headers, audit, seed, shlex.join(again), shlex.join(report))
+
+        def taught_now() -> Taught:
+            return taught_by(problem, comparator, days, unit, seed, tolerance)
+
+        return run_study(plan, taught_now, how["host"], how["port"], how["let_others_in"])
     try:
         who = how["who"] or (None if log else _asked_name())
     except KeyboardInterrupt:
         return 130
-    path = log or Path(f"answers-{short}{'' if who is None else f'-{_in_a_path(who)}'}.jsonl")
+    path = log or Path(f"answers-{short}{'' if who is None else f'-{in_a_path(who)}'}.jsonl")
     again = ["qlearn", "teach", "--problem", name, "--comparator", comparator, "--log", str(path)]
     again += ["--days", str(days), "--seed", str(seed), *([] if unit is None else ["--unit", unit])]
     again += [] if name.lower().endswith(".csv") else ["--tolerance", str(tolerance)]
@@ -201,12 +258,7 @@ def run(
     again += [] if audit == _AUDIT else ["--audit", str(audit)]
     again += [] if who is None else ["--who", who]
     if how["web"]:
-        again += [
-            "--web",
-            *(["--port", str(how["port"])] if how["port"] else []),
-            *([] if how["host"] == _HOST else ["--host", how["host"]]),
-        ]
-        again += ["--let-others-in"] if how["let_others_in"] else []
+        again += ["--web", *address_options(how)]
     with ExitStack() as stack:
         try:
             taught = taught_by(problem, comparator, days, unit, seed, tolerance)
@@ -221,7 +273,7 @@ def run(
                 "seed": seed,
                 "tolerance": tolerance,
             }
-            header = {**taught.header, **_begun_with(path, recipe)}
+            header = {**taught.header, **begun_with(path, recipe)}
             kept = stack.enter_context(AnswerLog(path, len(taught.subject.labels), header, who))
             session = stack.enter_context(
                 Session(taught.make, kept, who=who, audit=audit, seed=seed)
@@ -255,6 +307,70 @@ def _say_plan(taught: Taught, session: Session, questions: int) -> None:
         print(f"Your plan: {taught.plan(asker.comparator, questions)}", flush=True)
 
 
+def _not_for_several(log: Path | None, how: SessionOptions) -> str:
+    """Return what is wrong with options that are given together with several people, or ""."""
+    if not how["web"]:
+        return "several people answer in browsers: add --web to --people or --invite"
+    for given, option, instead in (
+        (log, "--log", "each person has a log of their own, answers-PROBLEM-NAME.jsonl, here"),
+        (how["who"], "--who", "--people names all who answer"),
+        (how["questions"], "--questions", "the page asks each person how much time they have"),
+    ):
+        if given is not None:
+            return f"{option} is for one person: leave it out, since {instead}"
+    return ""
+
+
+def short_name(problem: str) -> str:
+    """Return a problem's name as a part of a file's name."""
+    return Path(problem).stem if problem.lower().endswith(".csv") else problem.replace(":", "-")
+
+
+def address_options(how: SessionOptions) -> list[str]:
+    """Return the options that give the page the same address again."""
+    return [
+        *(["--port", str(how["port"])] if how["port"] else []),
+        *([] if how["host"] == _HOST else ["--host", how["host"]]),
+        *(["--let-others-in"] if how["let_others_in"] else []),
+    ]
+
+
+def people_parser(text: str) -> tuple[str, ...]:
+    """An argparse type: names with commas between them, each of which gives a file of its own."""
+    names = [_name_parser(name) if name.strip() else "" for name in text.split(",")]
+    if "" in names:
+        raise argparse.ArgumentTypeError(
+            f"a name in {text[:LONGEST_NAME]!r} is blank: write names with one comma between them, "
+            "such as ann,ben,chen"
+        )
+    if len(names) > _MOST_PEOPLE:
+        raise argparse.ArgumentTypeError(
+            f"{len(names)} names are given, but a study has at most {_MOST_PEOPLE} people"
+        )
+    taken: dict[str, str] = {}
+    for name in names:
+        part = in_a_path(name)
+        if len(part.encode()) > _LONGEST_PART:
+            raise argparse.ArgumentTypeError(
+                f"the name {name!r} is too long for a file's name: shorten it"
+            )
+        # some file systems take these for the same
+        alike = unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", part).casefold())
+        if alike in taken:
+            raise argparse.ArgumentTypeError(
+                f"{taken[alike]!r} and {name!r} would share a log, ...-{part}.jsonl: give one of "
+                "them another name"
+            )
+        taken[alike] = name
+    return tuple(names)
+
+
+def _invited(text: str) -> tuple[str, ...]:
+    """An argparse type: a number of people, as their pseudonyms."""
+    number = int(number_parser(_INVITED)(text))
+    return tuple(f"person-{i}" for i in range(1, number + 1))
+
+
 def _name_parser(text: str) -> str:
     """An argparse type: a name of at most ``LONGEST_NAME`` characters that can be printed."""
     from elicit.person.showing import printable
@@ -282,12 +398,13 @@ def _asked_name() -> str | None:
             print(f"{error}.")
 
 
-def _in_a_path(who: str) -> str:
+def in_a_path(who: str) -> str:
     """Return a name as a part of a file's name: letters, digits, and hyphens for all else."""
-    return re.sub(r"[^\w]+", "-", who).strip("-_") or "person"
+    whole = unicodedata.normalize("NFC", who)  # a letter and its accent are one character
+    return re.sub(r"[^\w]+", "-", whole).strip("-_") or "person"
 
 
-def _begun_with(path: Path, recipe: dict[str, Any]) -> dict[str, Any]:
+def begun_with(path: Path, recipe: dict[str, Any]) -> dict[str, Any]:
     """Return the header field with the options that began a log: those in the file, if it has any.
 
     A log may be gone on with other options. One without the field stays as it is.

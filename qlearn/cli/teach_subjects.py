@@ -18,6 +18,7 @@ import numpy as np
 
 from elicit.asking.bags import Bags
 from elicit.asking.choose_from_list import choose
+from elicit.comparators.panel import Panel
 from elicit.model.comparator import Comparator, offers
 from elicit.model.scale import Floats
 from elicit.person.asker import MakeAsker
@@ -37,6 +38,7 @@ from qlearn.experiments.factories import Own
 from qlearn.learners.expected_bounds import expected_bounds
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn.panel.following import Following, cost_of_following, cost_of_following_a_choice
 from qlearn.problems.families.words import WORDS
 
 _SESSIONS = {"polytope": 12, "posterior": 4}  # simulated; one takes about 1 s, and 8 to 25 s
@@ -60,6 +62,8 @@ class Taught:
     plan : function or None
         Says what so many questions are likely to prove, from the comparator and their number. None
         if it cannot be said.
+    following : function or None
+        Says of a panel what following one another costs. None if it cannot be said.
     """
 
     subject: Subject
@@ -67,6 +71,7 @@ class Taught:
     header: dict[str, Any]
     hint: str = ""
     plan: Callable[[Comparator, int], str] | None = None
+    following: Callable[[Panel], Following] | None = None
 
 
 def taught_by(
@@ -108,7 +113,7 @@ def taught_by(
         how: dict[str, Any] = {"tolerance": tolerance, "bags": Bags(days=days)}
         return str(expected_bounds(mdp, known, questions, runs=runs, seed=seed, **how))
 
-    return Taught(subject, make, header, plan=plan)
+    return Taught(subject, make, header, plan=plan, following=partial(cost_of_following, mdp))
 
 
 def _facts(
@@ -215,7 +220,8 @@ def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int)
         conclude=partial(choice_conclusion, told, names),
         facts=_facts(str(path), header, comparator, seed),
     )
-    return Taught(subject, make, header, hint)
+    following = partial(cost_of_following_a_choice, shares)
+    return Taught(subject, make, header, hint, following=following)
 
 
 def _words_of(path: Path, labels: tuple[str, ...]) -> tuple[Words, str]:

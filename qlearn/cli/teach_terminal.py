@@ -6,6 +6,7 @@ import io
 import shutil
 import sys
 import textwrap
+import time
 from collections.abc import Sequence
 from typing import Any, Literal
 
@@ -18,15 +19,16 @@ from qlearn.cli.options import fail
 
 _Key = Choice | Literal["undo", "why", "finish", "quit"]
 _MEANS: dict[str, _Key] = {
-    **dict.fromkeys(("a", "left", "1"), "a"),
-    **dict.fromkeys(("b", "right", "2"), "b"),
-    **dict.fromkeys(("e", "=", "equal", "same"), "equal"),
-    **dict.fromkeys(("?", "cannot tell", "unknown"), "cannot tell"),
+    "a": "a",
+    "b": "b",
+    **dict.fromkeys(("e", "equal"), "equal"),
+    **dict.fromkeys(("?", "cannot tell"), "cannot tell"),
     **dict.fromkeys(("u", "undo"), "undo"),
     **dict.fromkeys(("w", "why"), "why"),
-    **dict.fromkeys(("f", "finish"), "finish"),
-    **dict.fromkeys(("q", "quit", "exit"), "quit"),
+    **dict.fromkeys(("f", "finish now"), "finish"),
+    **dict.fromkeys(("q", "quit"), "quit"),
 }
+# only the keys and the words that this line offers are answers
 _KEYS = "a or b: that one; e: equal; ?: cannot tell; u: undo; w: why; f: finish now; q: quit"
 _KEYS_AT_THE_END = "Enter: what was learned; u: undo; q: quit"
 _KEYS_WITH_MORE = "Enter: what was learned; m: more questions; u: undo; q: quit"
@@ -34,6 +36,8 @@ _WIDEST = 100
 _MOST_CHANGES = 12  # lines of a table
 _BAR = 40  # columns of an interval, at most
 _LEAST_BAR = 10
+_PATIENCE = 5.0  # seconds that a person waits for what the choices of a conflict would leave
+_LOOK = 0.05  # seconds between two looks at it
 
 
 class Terminal:
@@ -163,8 +167,10 @@ class Terminal:
         for answer in found.get("answers", []):
             self._say(f"  - {answer['name']}: {answer['sentence']}")
         options = found.get("choices") or found["options"]
+        left = self._consequences(found["id"]) if screen["stage"] == "conflict" else {}
         for number, option in enumerate(options, 1):
-            self._say(f"{number}: {option['label']}")
+            after = left.get(option.get("choice"), "")
+            self._say(f"{number}: {option['label']}.{f' {after}' if after else ''}")
         numbers = {f"{i}": f"{i}" for i in range(1, len(options) + 1)}
         key = self._read(numbers, "quit", f"a number from 1 to {len(options)}; u: undo; q: quit")
         if key == "quit":
@@ -177,6 +183,15 @@ class Terminal:
         return (
             None if chosen["option"] == "pause" else self._handle("choose", option=chosen["option"])
         )
+
+    def _consequences(self, id: str) -> dict[str, str]:
+        """Return what each choice of a conflict would leave, as far as it is known in seconds."""
+        until = time.monotonic() + _PATIENCE
+        while True:
+            found = self._handle("consequences", id=id)
+            if found["ready"] or time.monotonic() > until:
+                return dict(found["choices"])
+            time.sleep(_LOOK)
 
     def _put(self) -> str:
         """Show the question; what the person wants."""

@@ -29,8 +29,10 @@ value that the reward takes; or a function of (observation, reward, info), of a 
 environment in batches."""
 
 After: TypeAlias = int | Literal["last"] | None
-"""What lasts once an episode has terminated: a level, 0 to k - 1; "last": that of its last step;
-None: not said, for tasks that never terminate."""
+"""Level that lasts once an episode has terminated.
+
+It is 0 to k - 1; "last": that of the last step; None: not said, for tasks that never terminate.
+"""
 
 
 @dataclass(frozen=True)

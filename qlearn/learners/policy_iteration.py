@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 from functools import partial
-from typing import Literal, Unpack
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from elicit.asking.bags import Bags
 from elicit.asking.confirming import confirming_question
 from elicit.asking.cuts import CUTTING, closing_cut, closing_cut_of_one
 from elicit.asking.elicitation import Elicitation, Pair, Place
-from elicit.asking.magnified import MAGNIFIED, magnified
+from elicit.asking.magnified import AS_THEY_ARE, MAGNIFIED, Shown, magnified, multiples
 from elicit.asking.options import AskingOptions, check_options, filled
 from elicit.comparators.panel import Panel
 from elicit.decision.verdicts import decide
@@ -26,6 +26,7 @@ from elicit.model.comparator import (
     Comparator,
     Tier,
     Tiers,
+    offers,
     people_of,
     simultaneous_bounds,
     trusted_share,
@@ -85,12 +86,14 @@ class InteractivePolicyIteration(Learner):
         Stop at this bound already, even if it exceeds the tolerance. The status then is CERTIFIED.
     strategy : function of ``qlearn.strategies``, or its name
         Picks the question. The default weighs what an answer tells by how likely it is to matter.
-    bags : elicit.Bags or "magnified", optional
-        Ask about simple bags instead ("of 10 days ..."), one at a time, as far as they tell enough
-        of the signs of the advantages in question. "magnified": ask about the greatest power of two
-        times each difference that two bags can have (``elicit.asking.magnified``). Take it for a
-        tutor who errs where little is at stake: such tutors then answer better, and the policy
-        loses less (docs/contest.md).
+    bags : elicit.Bags, "magnified" or "as they are", optional
+        What is put to the tutor. "as they are": the futures of two actions at a state. "magnified":
+        what these differ by, times the greatest power of two that two bags have room for
+        (``elicit.asking.magnified``), with the same answer. Tutors who err where little is at
+        stake answer it better (docs/contest.md), so it is the default for a comparator that
+        predicts answers; "as they are" is the default for others. A ``Bags``: simple bags instead
+        ("of 10 days ..."), one at a time, as far as they tell enough of the signs of the
+        advantages in question.
     cuts : bool, optional
         Once most plausible scales agree on the policy, also ask about two mixtures of levels that
         are made to close several advantages at once (``elicit.asking.cuts``), if that promises
@@ -117,7 +120,7 @@ class InteractivePolicyIteration(Learner):
         If a setting makes no sense, or ``cuts=True`` is given where no cut could be asked about.
     """
 
-    needs = Learner.needs | Needs(used=(*CUTTING.required, *CUTTING.used, "lapse"))
+    needs = Learner.needs | Needs(used=(*CUTTING.required, *CUTTING.used, "lapse", "probability"))
 
     @takes_rng
     def __init__(
@@ -128,7 +131,7 @@ class InteractivePolicyIteration(Learner):
         tolerance: float = 0.001,
         max_loss: float | None = None,
         strategy: Strategy | str = telling_violation,
-        bags: Bags | Literal["magnified"] | None = None,
+        bags: Bags | Shown | None = None,
         cuts: bool | None = None,
         exact: bool | None = None,
         **asking: Unpack[AskingOptions],
@@ -140,11 +143,13 @@ class InteractivePolicyIteration(Learner):
         self._tolerance = check_tolerance(tolerance)
         self._enough = max(tolerance, check_max_loss(max_loss) or 0.0)
         require(
-            bags is None or bags == MAGNIFIED or isinstance(bags, Bags),
+            bags in (None, MAGNIFIED, AS_THEY_ARE) or isinstance(bags, Bags),
             "bags",
-            f"None, {MAGNIFIED!r} or an elicit.Bags, such as Bags(days=10)",
+            f"None, {MAGNIFIED!r}, {AS_THEY_ARE!r} or an elicit.Bags, such as Bags(days=10)",
             bags,
         )
+        if bags is None and offers(comparator, "probability"):
+            bags = MAGNIFIED
         self._magnify = bags == MAGNIFIED
         bags = bags if isinstance(bags, Bags) else None
         self._strategy = strategy_of(strategy)
@@ -195,6 +200,7 @@ class InteractivePolicyIteration(Learner):
             over.actions[rows],
             TUNING.matters * self._enough,
             self._elicitation.comparator,
+            self._times(over, rows),
         )
         chosen = best(self._strategy, candidates, len(rows))
         if self._cuts:
@@ -319,7 +325,7 @@ class InteractivePolicyIteration(Learner):
         wrong = wrong_of(known)
         if undecided > (TUNING.confirming if wrong else TUNING.undecided):
             return None
-        high = simultaneous_bounds(known, candidates.d)[0]
+        high = simultaneous_bounds(known, over.d)[0][rows]
         most = np.argsort(-high, kind="stable")[: TUNING.closed]
         limit = TUNING.close * self._enough
         cut: Floats | None
@@ -385,6 +391,13 @@ class InteractivePolicyIteration(Learner):
         left = q_of(np.array([s]), over.v, model_of(self._mdp))[0, a]
         pair = pair_of(self._mdp, left, over.v[s], s, a, int(over.policy[s]), int(tier))
         return magnified(pair) if self._magnify else pair
+
+    def _times(self, over: Advantages, rows: NDArray[np.int64]) -> Floats | float:
+        """Return by how much each row's difference is multiplied where it is asked about."""
+        if not self._magnify:
+            return 1.0
+        values = over.v[over.states[rows]]
+        return multiples(values + over.d[rows], values)
 
     def _place(self, over: Advantages, row: int) -> Place:
         state = int(over.states[row])

@@ -62,7 +62,8 @@ class Candidates:
     """Differences d (n, k) that may be asked about.
 
     A challenger at ``states`` (n,), ``actions`` (n,) is left, and the incumbent right. ``limit``:
-    what d.e must exceed to matter.
+    what d.e must exceed to matter. ``times``, one or (n,): the multiple of d that the question
+    would be about.
     """
 
     d: Floats
@@ -70,6 +71,7 @@ class Candidates:
     actions: NDArray[np.int64]
     limit: float
     comparator: Comparator
+    times: Floats | float = 1.0
 
     @cached_property
     def draws(self) -> Draws:
@@ -98,7 +100,8 @@ class Candidates:
     @cached_property
     def agreement(self) -> Floats:
         """(n, m) the chance that the tutor says "left is better", under each of the draws."""
-        return says_left(self.scores, self.draws.precision, lapse_of(self.comparator))
+        asked = self.scores * np.reshape(self.times, (-1, 1))
+        return says_left(asked, self.draws.precision, lapse_of(self.comparator))
 
     def __len__(self) -> int:
         return len(self.d)

@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from elicit._support.fixed_order import product
 from elicit._support.threads import one_thread
 from elicit.comparators.panel import Panel
-from elicit.model.comparator import best_guess
+from elicit.model.comparator import Comparator, best_guess, simultaneous_bounds
+from elicit.model.difference import as_vectors
 from elicit.model.scale import Floats
 from qlearn.certificates.loss_bound import loss_bound
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -19,7 +22,8 @@ from qlearn.mdp.planning import policy_loss, value_iteration
 class Following:
     """Losses of each member under each member's best policy, and under that of the mean.
 
-    Losses are shares of the value range, at the worst state, as ``Result.loss_bound`` is.
+    Losses are shares of the value range, at the worst state, as ``Result.loss_bound`` is. Of a
+    choice from a list, the alternative that is best for each takes the place of their policy.
 
     Attributes
     ----------
@@ -31,12 +35,15 @@ class Following:
         The loss, if scales are the best guesses of the members' comparators.
     bounds : (n, n + 1)
         Upper bounds on it over all scales that the row's comparator holds plausible.
+    of_policies : bool
+        False if alternatives from a list are followed.
     """
 
     people: tuple[str, ...]
     followed: tuple[str, ...]
     losses: Floats
     bounds: Floats
+    of_policies: bool = True
 
     def __str__(self) -> str:
         """Return the table in percent, best guess and in brackets the bound."""
@@ -51,8 +58,9 @@ class Following:
             "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
             for row in rows
         ]
+        where, what = (", at the worst state", "policy") if self.of_policies else ("", "choice")
         head = (
-            "Loss in percent of the value range, at the worst state, by whose policy is followed "
+            f"Loss in percent of the value range{where}, by whose {what} is followed "
             "(in brackets: at most):"
         )
         return "\n".join([head, *lines])
@@ -92,6 +100,50 @@ def cost_of_following(mdp: OrdinalMDP, panel: Panel) -> Following:
         for member in panel.members.values()
     ]
     return Following(panel.people, (*panel.people, "the mean"), np.array(losses), np.array(bounds))
+
+
+@one_thread
+def cost_of_following_a_choice(vectors: ArrayLike, panel: Panel) -> Following:
+    """Return what each member loses by taking the alternative that is best for another.
+
+    A member's choice is the best alternative for the best guess of their comparator, the first in
+    the list of equals.
+
+    Parameters
+    ----------
+    vectors : (n, k) shares
+        The alternatives.
+    panel : Panel
+
+    Returns
+    -------
+    Following
+
+    Raises
+    ------
+    TypeError
+        If ``panel`` is no Panel.
+    ValueError
+        If the alternatives have another number of levels, or no finite numbers.
+    """
+    if not isinstance(panel, Panel):
+        raise TypeError(f"an elicit.Panel is wanted, not {panel!r}")
+    shares = as_vectors(vectors, panel.k)
+    scales = [best_guess(member) for member in panel.members.values()]
+    worth = [np.round(product(shares, scale), 9) for scale in (*scales, panel.values)]
+    chosen = [int(one.argmax()) for one in worth]
+    losses = [[float(one.max() - one[c]) for c in chosen] for one in worth[:-1]]
+    bounds = [
+        [_most(member, shares - shares[c]) for c in chosen] for member in panel.members.values()
+    ]
+    names = (*panel.people, "the mean")
+    return Following(panel.people, names, np.array(losses), np.array(bounds), of_policies=False)
+
+
+def _most(member: Comparator, d: Floats) -> float:
+    """Return an upper bound on the greatest d.e."""
+    high, _ = simultaneous_bounds(member, d)
+    return float(np.clip(high.max(), 0.0, 1.0))
 
 
 def check_panel(mdp: OrdinalMDP, panel: Panel) -> None:

@@ -129,8 +129,8 @@ class InteractiveTraining:
     best policy, two after each training. The next scale is the central one while much can be gained
     there, else the plausible scale under which most can.
 
-    The vertices of the reachable set grow fast in number. It is made for up to about a dozen
-    levels.
+    The vertices of the reachable set grow fast in number. Where they would be too many, the first
+    trainings stop counting (docs/beyond-tables.md says how many levels that leaves room for).
     """
 
     needs: ClassVar[Needs] = Elicitation.needs | Needs(
@@ -208,9 +208,9 @@ class InteractiveTraining:
             **filled(asking, {"indifference": tolerance * _MATTERS}),
         )
         self._policies: list[TrainedPolicy] = []
-        self._cuts: list[
-            tuple[float, ReachableSet]
-        ] = []  # of the trainings, in order: the limit, and the set after it
+        # of the trainings, in order: the limits, and the set that they leave
+        self._limits: list[float] = []
+        self._cut = self._everything
         self._corners_left = 0  # vertices to be asked about before the next training
         self._next: Floats | _Question | Status | None = (
             None  # a scale to train on, a question, or the final status
@@ -463,16 +463,14 @@ class InteractiveTraining:
 
         Each training is taken to come to its optimum, or to the best added since.
         """
-        reach, done = self._everything, 0
-        for policy in self._policies:
-            if policy.trained_on is None:
-                continue
-            gaps = np.diff(policy.trained_on)
-            limit = float(product(tail_sums(self._shares()), gaps).max())
-            if done == len(self._cuts) or self._cuts[done][0] != limit:
-                self._cuts[done:] = [(limit, reach.cut(gaps, limit))]
-            reach, done = self._cuts[done][1], done + 1
-        return reach
+        scales = [np.diff(one.trained_on) for one in self._policies if one.trained_on is not None]
+        if not scales:
+            return self._everything
+        limits = product(tail_sums(self._shares()), np.array(scales).T).max(axis=0).tolist()
+        if limits != self._limits:
+            cuts = [*zip(scales, limits, strict=True)]
+            self._limits, self._cut = limits, self._everything.cut_by(cuts)
+        return self._cut
 
     def _best_pair(self, d: Floats, pair: Callable[[int], Pair]) -> Pair | None:
         """Return the best of the differences d (n, k) that may matter and may be asked about.

@@ -10,7 +10,8 @@ that a scale with gaps g gives them the value t.g.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,6 +43,7 @@ class ReachableSet:
     facets: Floats
     limits: Floats
     tight: NDArray[np.bool_]
+    full: bool = False  # whether a cut was left out
 
     @staticmethod
     def of(corners: Floats, facets: Floats, limits: Floats) -> ReachableSet:
@@ -110,6 +112,21 @@ class ReachableSet:
         """Return the greatest t.g (m,) under each of the gaps (p, m)."""
         return np.asarray(product(self.corners, gaps).max(axis=0))
 
+    def cut_by(self, cuts: Sequence[tuple[Floats, float]]) -> ReachableSet:
+        """Return the part of the set after ``cut`` by each of these gaps (p,) and limits.
+
+        If some have to be left out, it is the first ones rather than the last: later trainings are
+        at scales that more answers have left plausible.
+        """
+        reach = self
+        for gaps, limit in cuts:
+            reach = reach.cut(gaps, limit)
+        if reach.full:
+            reach = self
+            for gaps, limit in reversed(cuts):
+                reach = reach.cut(gaps, limit)
+        return reach
+
     def cut(self, gaps: Floats, limit: float) -> ReachableSet:
         """Return the part of the set with t.g <= limit.
 
@@ -129,9 +146,12 @@ class ReachableSet:
         corners = np.concatenate([self.corners[beyond <= _ON], met])
         corners = corners[np.unique(np.round(corners, _SAME), axis=0, return_index=True)[1]]
         if len(corners) > MOST_CORNERS:
-            return self
-        return ReachableSet.of(
-            corners, np.concatenate([self.facets, gaps[None, :]]), np.append(self.limits, limit)
+            return replace(self, full=True)
+        return replace(
+            ReachableSet.of(
+                corners, np.concatenate([self.facets, gaps[None, :]]), np.append(self.limits, limit)
+            ),
+            full=self.full,
         )
 
 

@@ -116,13 +116,13 @@ def guarantee_of(
     """
     if at is None or gap is None or is_broken(policies, gap):
         return Guarantee(np.nan, np.nan)
-    reach = everything
-    for policy in policies:
-        if policy.trained_on is not None:
-            gaps = np.diff(policy.trained_on)
-            reach = reach.cut(
-                gaps, float(product(tail_sums(policy.shares), gaps)) + gap + policy.error
-            )
+    trained = [(one, one.trained_on) for one in policies if one.trained_on is not None]
+    scales = [np.diff(values) for _, values in trained]
+    limits = [
+        float(product(tail_sums(one.shares), gaps)) + gap + one.error
+        for (one, _), gaps in zip(trained, scales, strict=True)
+    ]
+    reach = everything.cut_by([*zip(scales, limits, strict=True)])
     loss, _, confidence = greatest_loss(reach.vectors - policies[at].shares, comparator)
     # each measured policy may be further off at its own scale, and the best one at the true scale
     measured = sum(policy.error > 0 for policy in policies)

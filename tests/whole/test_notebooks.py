@@ -302,6 +302,39 @@ def test_it_uses_public_names_only_and_has_no_colours_of_comparators_of_its_own(
     assert {colour for colour in colours if colour.lower() in source.lower()} <= {"#000000"}
 
 
+@each_notebook
+def test_it_opens_with_question_answer_and_picture_and_the_answers_numbers_are_its_cells(path):
+    notebook = execute.read(path)
+    opening = notebook.cells[0].source
+    assert re.findall(r"^\*\*(\w+)\.\*\*", opening, re.MULTILINE) == [
+        "Question",
+        "Answer",
+        "Picture",
+    ]
+    answer = opening.split("**Answer.**")[1].split("**Picture.**")[0]
+    answer = re.sub(r"\([^)]* \d{4}\)|`[^`]*`", "", answer)  # but for references and names
+    shown = re.sub(r"<[^>]*>", " ", json.dumps(said(notebook)))
+    for number, percent in re.findall(NUMBER, answer):
+        code = "" if percent or "." in number else "\n".join(c.source for c in code_cells(notebook))
+        assert is_there(number, shown + code), number
+
+
+NUMBER = r"(\d+(?:,\d{3})*(?:\.\d+)?)(%?)"
+
+
+def is_there(number, text):
+    """Whether some number of the text is this one, once it is rounded as this one is."""
+    digits, value = len(number.partition(".")[2]), float(number.replace(",", ""))
+    every = (float(found.replace(",", "")) for found, _ in re.findall(NUMBER, text))
+    return any(round(one, digits) == value for one in every)
+
+
+def test_a_number_that_no_cell_shows_is_noticed():
+    assert is_there("7.1", "loses 7.06%")
+    assert is_there("2,008", "of 2008 pairs")
+    assert not is_there("7.2", "loses 7.06%, not 72")
+
+
 def test_names_that_are_not_public_are_seen():
     code = (
         "import elicit, qlearn as q\nfrom elicit import plot as p\nfrom elicit.lp import "

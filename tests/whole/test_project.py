@@ -23,6 +23,7 @@ ORDER = (  # a folder imports from those before it; folders side by side do not 
     ("elicit.asking", "elicit.people"),
     ("elicit.diagnostics", "elicit.person.course"),
     ("elicit.person",),
+    ("elicit.person.study",),
     ("elicit.person.hosts",),
     ("elicit",),  # the modules at the top, and __init__ itself
     ("qlearn.mdp", "qlearn.environments"),

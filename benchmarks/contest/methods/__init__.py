@@ -16,6 +16,7 @@ from benchmarks.contest.methods.ours import PolicyIteration
 from benchmarks.contest.methods.policy_comparisons import PolicyComparisons
 from benchmarks.contest.methods.polyhedral import Polyhedral
 from benchmarks.contest.methods.simple import Bisection, RandomPairs
+from elicit.asking.magnified import AS_THEY_ARE
 
 WORST, START = "at the worst state", "from the start"
 
@@ -37,7 +38,9 @@ class Entry(NamedTuple):
 METHODS: Mapping[str, Entry] = {
     "ours: polytope": Entry(partial(PolicyIteration, "polytope"), WORST, only="truthful"),
     "ours: posterior": Entry(partial(PolicyIteration, "posterior"), WORST, 0.95),
-    "ours: posterior, magnified": Entry(partial(PolicyIteration, "posterior", True), WORST, 0.95),
+    "ours: posterior, as they are": Entry(
+        partial(PolicyIteration, "posterior", AS_THEY_ARE), WORST, 0.95
+    ),
     "minimax regret: current solution": Entry(partial(MinimaxRegret, "current solution"), START),
     "minimax regret: largest gap": Entry(partial(MinimaxRegret, "largest gap"), START),
     "expected utility (EVOI, EUBO)": Entry(ExpectedUtility, START),

@@ -1,4 +1,4 @@
-"""Active preference-based reward learning as APReL has it (Biyik, Talati and Sadigh 2022).
+"""Active preference-based reward learning, after APReL (Biyik, Talati and Sadigh 2022).
 
 Written anew after the package's code, with its defaults: a set of 40 trajectories, questions chosen
 among all their pairs, a softmax model of the user, and 100 samples of weights of length one by

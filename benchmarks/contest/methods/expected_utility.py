@@ -22,7 +22,7 @@ from elicit.model.scale import Floats
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 COST = 0.0001
-"""What a question costs, as a share of the value range: it stops below. Development seeds."""
+"""Cost of a question, as a share of the value range: it stops below. Development seeds."""
 STARTS = 6
 
 

@@ -1,17 +1,16 @@
 """This project's policy iteration, with the polytope or with the posterior, at its defaults.
 
-``bags="magnified"`` is what the contest teaches it: to ask about as great a multiple of a
-difference as two bags can have.
+Its default with the posterior asks about as great a multiple of a difference as two bags can have.
+The entry "as they are" asks about the difference itself, as the default was before the contest.
 """
 
 from __future__ import annotations
-
-from typing import Literal
 
 import elicit
 import qlearn
 from benchmarks.contest.harness import Question, Told
 from benchmarks.contest.small_mdp import Policy
+from elicit.asking.magnified import Shown
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 TOLERANCE = 0.01
@@ -21,9 +20,9 @@ TOLERANCE = 0.01
 class PolicyIteration:
     """``qlearn.solve`` step by step. Of the tutor it is told nothing: the posterior learns it."""
 
-    def __init__(self, comparator: str, magnified: bool = False) -> None:
+    def __init__(self, comparator: str, bags: Shown | None = None) -> None:
         self._name = comparator
-        self._bags: Literal["magnified"] | None = "magnified" if magnified else None
+        self._bags = bags
 
     def start(self, mdp: OrdinalMDP, told: Told, seed: int) -> None:
         if self._name == "polytope":

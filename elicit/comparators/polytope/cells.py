@@ -93,16 +93,11 @@ class Cells:
         each = np.array([part.scales.bounds(d) for part in self.parts])
         return each[:, 0].min(axis=0), each[:, 1].max(axis=0)
 
-    def greatest(self, d: Floats, slack: float | Floats | None = None) -> Floats:
-        """Return upper bounds (n,) on d.e for valid differences d (n, k), rough ones if a slack is
-        given."""
+    def greatest(self, d: Floats) -> Floats:
+        """Return upper bounds (n,) on d.e for valid differences d (n, k)."""
         high = np.full(len(d), -np.inf)
         for part in self.parts:
-            scales = part.scales
-            more = (
-                scales.simultaneous_bounds(d)[0] if slack is None else scales.rough_bounds(d, slack)
-            )
-            high = np.maximum(high, more)
+            high = np.maximum(high, part.scales.simultaneous_bounds(d)[0])
         return high
 
     @cached_property

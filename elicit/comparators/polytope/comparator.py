@@ -30,6 +30,7 @@ from elicit.model.comparator import (
     Cell,
     Decisions,
     Verdicts,
+    bounds_on_trial,
     check_answers,
     check_levels,
     check_tie,
@@ -270,33 +271,35 @@ class PolytopeComparator:
         """
         rows = as_differences(d, self.k)
         return (
-            self._wide.greatest(rows) if self._cells is None else self._cells.greatest(rows)
+            self._wide.bounded(rows) if self._cells is None else self._cells.greatest(rows)
         ), 1.0
 
     @one_thread
-    def rough_bounds(self, d: ArrayLike, slack: float | Floats) -> Floats:
-        """Return upper bounds on d.e as ``simultaneous_bounds`` does, but up to ``slack`` above
-        them.
+    def bounds_after(self, asked: ArrayLike, d: ArrayLike, enough: ArrayLike) -> Floats:
+        """Return about the ``simultaneous_bounds`` that each answer to each question would leave.
 
-        No linear program is solved for rows whose slack can be shown without one.
+        They choose questions. Nothing is proven by them.
 
         Parameters
         ----------
+        asked : (c, k)
+            Differences left - right, of questions.
         d : (n, k)
-            Differences left - right.
-        slack : float or (n,)
-            In units of e_k - e_1.
+            Differences left - right, to bound.
+        enough : float or (n,)
+            In units of e_k - e_1. A bound up to this may be any number up to this.
 
         Returns
         -------
-        (n,) in units of e_k - e_1
+        (c, 2, n) in units of e_k - e_1
+            First if the tutor says worse, then if better. -inf if that contradicts what is known,
+            inf if nothing is found in floats.
         """
-        rows = as_differences(d, self.k)
-        return (
-            self._wide.greatest(rows, slack)
-            if self._cells is None
-            else self._cells.greatest(rows, slack)
-        )
+        rows, questions = as_differences(d, self.k), as_differences(asked, self.k)
+        limits = np.broadcast_to(np.asarray(enough, dtype=np.float64), len(rows))
+        if self._cells is not None:
+            return bounds_on_trial(self, questions, rows)
+        return self._wide.greatest_beside(rows, questions, limits)
 
     @cached_property
     def draws(self) -> Draws:

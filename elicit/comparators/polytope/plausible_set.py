@@ -8,7 +8,6 @@ Clarabel's, made rigorous.
 from __future__ import annotations
 
 from functools import cached_property
-from itertools import repeat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +15,14 @@ from numpy.typing import NDArray
 from elicit._support.fixed_order import product
 from elicit.decision.comparator_rule import Rule, proven, unaided
 from elicit.decision.verdicts import decide_by
-from elicit.lp.clarabel_programs import TIGHT, Programs
+from elicit.lp.clarabel_programs import Programs
 from elicit.lp.dual_simplex import Vertex, minimise_exactly
 from elicit.lp.infeasibility import is_empty
 from elicit.lp.primal_simplex import USED
 from elicit.lp.region import Region
 from elicit.lp.rounding import rounding
 from elicit.lp.sign_proofs import sign_of, signs_at_points
-from elicit.lp.support_function import greatest
+from elicit.lp.support_function import greatest, greatest_beside
 from elicit.lp.vertex_store import (
     add_corner,
     add_point,
@@ -39,6 +38,8 @@ from elicit.model.difference import of_order_one, tail_sums
 from elicit.model.difference_kernel import UNSETTLED, to_order_one
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats, order_bounds
+
+_REMEMBERED = 1_000_000  # numbers in the differences whose bounds are kept
 
 
 class Empty(ValueError):
@@ -60,6 +61,7 @@ class PlausibleSet:
     """
 
     _rule: Rule | None = None
+    _last: tuple[Floats, Floats] | None = None
 
     def __init__(self, region: Region) -> None:
         if len(region.rows):
@@ -121,44 +123,62 @@ class PlausibleSet:
         """Return outer bounds (n,) on d.e for valid differences d (n, k), tight to 1e-9 |d|_1."""
         return self._least(d), 0.0 - self._least(-d)
 
-    def _least(self, d: Floats, slack: float = 0.0) -> Floats:
-        """Return lower bounds (n,) on d.e, tight to 1e-9 |d|_1, or to ``slack`` if that is more."""
+    def _least(self, d: Floats) -> Floats:
+        """Return lower bounds (n,) on d.e, tight to 1e-9 |d|_1."""
         _, t, exponent = of_order_one(d)
         low = order_bounds(t, self.region.margin)[0]
         low -= rounding(self.region.p + 1, 4.0 * np.abs(t).max(axis=1, initial=0.0))
         if len(self.region.rows):
-            enough = np.maximum(np.ldexp(slack, -exponent), TIGHT)
-            low = np.maximum(
-                low, [self.programs.least(*each) for each in zip(t, repeat(self.inside), enough)]
-            )
+            low = np.maximum(low, [self.programs.least(row, self.inside) for row in t])
         with np.errstate(over="ignore", under="ignore"):
             low = np.ldexp(low, exponent)
         # one step outwards: the results may have lost bits on the way back
         return np.where(t.any(axis=1), np.nextafter(low, -np.inf), 0.0)
 
-    def greatest(self, d: Floats, slack: float | Floats = 0.0) -> Floats:
+    def bounded(self, d: Floats) -> Floats:
+        """Return ``greatest`` of d (n, k), from memory if the last call was about the same d.
+
+        A learner wants the bounds of a round's differences for its proof, then to see which of them
+        are open, then to choose a cut.
+        """
+        last = self._last
+        if last is not None and last[0].shape == d.shape and (last[0] == d).all():
+            return last[1].copy()
+        high = self.greatest(d)
+        if d.size <= _REMEMBERED:
+            self._last = d.copy(), high.copy()
+        return high
+
+    def greatest(self, d: Floats) -> Floats:
         """Return upper bounds (n,) on d.e for valid differences d (n, k).
 
-        They are tight to 1e-9 |d|_1. A positive bound may be loose by ``slack``, a float or (n,),
-        if that is more. The vertices that walks find give the bounds, and Clarabel the rest.
+        Positive ones are tight to 1e-9 |d|_1. The vertices that walks find give the bounds, and
+        Clarabel the rest.
         """
         high, reached = greatest(d, self._known)
-        slack = np.broadcast_to(slack, len(d))
         if len(self.region.rows):
-            if len(rows := self._loose(d, high, reached, slack)):
+            if len(rows := self._loose(d, high, reached)):
                 # a walk can fail where another, from a vertex found since, does not
                 again, reached[rows] = greatest(d[rows], self._known)
                 high[rows] = np.minimum(high[rows], again)
-            for i in self._loose(d, high, reached, slack):
-                high[i] = min(high[i], -float(self._least(-d[i : i + 1], slack[i])[0]))
+            for i in self._loose(d, high, reached):
+                high[i] = min(high[i], -float(self._least(-d[i : i + 1])[0]))
         return high
 
-    def _loose(self, d: Floats, high: Floats, reached: Floats, slack: Floats) -> NDArray[np.int64]:
+    def greatest_beside(self, d: Floats, asked: Floats, enough: Floats) -> Floats:
+        """Return about the greatest d.e (c, 2, n) over each part into which ``asked`` (c, k)
+        divides the set.
+
+        Numbers up to ``enough`` (n,) may be anything up to that.
+        """
+        return greatest_beside(d, asked, self._known, enough)
+
+    def _loose(self, d: Floats, high: Floats, reached: Floats) -> NDArray[np.int64]:
         """Return the rows of d whose positive upper bound (n,) is not seen to be tight.
 
-        Neither ``reached`` (n,) nor a known point comes near to it: within the slack (n,).
+        Neither ``reached`` (n,) nor a known point comes near to it.
         """
-        near = np.maximum(1e-9 * np.abs(d).sum(axis=1), slack)
+        near = 1e-9 * np.abs(d).sum(axis=1)
         rows = np.flatnonzero((high > 0) & ~(high - reached <= near))
         points = self._known.points[:, : self._known.counts[USED]]
         most = product(tail_sums(d[rows]), points).max(axis=1, initial=-np.inf)

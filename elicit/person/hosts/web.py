@@ -14,23 +14,26 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import suppress
+from typing import TYPE_CHECKING
 
 from elicit._support.closing import Closing
 from elicit._support.distribution import with_advice
 from elicit.person.interview import Interview, Subject
 from elicit.person.session import Session
 
+if TYPE_CHECKING:
+    from starlette.types import ASGIApp
+
 _HTTP = 80
 _FAREWELL = 5  # seconds for requests that are under way when the server stops
 
 
-class WebServer(Closing):
-    """The page of a session, served by a thread of its own from now until ``close``.
+class PageServer(Closing):
+    """A server of pages, in a thread of its own, from ``serve_app`` until ``close``.
 
     host: the address, or a name of it, on which to listen. Only this machine can reach 127.0.0.1,
     ::1 and localhost; any other one asks for ``let_others_in=True``, and is not encrypted: who can
-    read the network can read the answers, and take part. port: 0 takes a free one. Several servers
-    must not share a session.
+    read the network can read the answers, and take part. port: 0 takes a free one.
 
     Raises ModuleNotFoundError, with the command to install it, where a package of the extra is
     missing; ValueError for an address that lets others in, or is none to open; OSError where the
@@ -38,22 +41,16 @@ class WebServer(Closing):
     """
 
     def __init__(
-        self,
-        session: Session,
-        subject: Subject,
-        host: str = "127.0.0.1",
-        port: int = 0,
-        *,
-        let_others_in: bool = False,
+        self, host: str = "127.0.0.1", port: int = 0, *, let_others_in: bool = False
     ) -> None:
         try:
-            import uvicorn
+            import uvicorn  # noqa: F401 - what is missing must be said before anything is opened
 
-            from elicit.person.hosts.web_app import Door, Impatient, application
+            import elicit.person.hosts.web_app  # noqa: F401
         except ModuleNotFoundError as error:
             raise with_advice(error) from None
-        listening = _listening(host, port, let_others_in)
-        self.port: int = listening.getsockname()[1]
+        self._listening = _listening(host, port, let_others_in)
+        self.port: int = self._listening.getsockname()[1]
         """Where it listens."""
         name = f"[{host}]" if ":" in host else host
         names = {name, "localhost", "127.0.0.1", "[::1]"}
@@ -61,11 +58,19 @@ class WebServer(Closing):
             f":{self.port}",
             *([""] if self.port == _HTTP else []),
         }  # browsers leave that one out
-        self._door = Door(self.port, {each.lower() + end for each in names for end in ports})
-        self._origin = f"http://{name}:{self.port}"
-        self._interview = Interview(session, subject)
+        self.hosts = frozenset(each.lower() + end for each in names for end in ports)
+        """The names by which it may be called, in lower case and with the port."""
+        self.origin = f"http://{name}:{self.port}"
+        """The beginning of every address."""
+
+    def serve_app(self, app: ASGIApp) -> None:
+        """Serve an application from now on."""
+        import uvicorn
+
+        from elicit.person.hosts.web_app import Impatient
+
         config = uvicorn.Config(
-            application(self._interview, self._door),
+            app,
             loop="asyncio",
             http=Impatient,
             ws="none",
@@ -80,7 +85,7 @@ class WebServer(Closing):
         self._server = uvicorn.Server(config)
         self._thread = threading.Thread(
             target=self._server.run,
-            kwargs={"sockets": [listening]},
+            kwargs={"sockets": [self._listening]},
             name="elicit page",
             daemon=True,
         )
@@ -90,17 +95,42 @@ class WebServer(Closing):
         if not self._server.started:
             raise RuntimeError("the page could not be served: the error above says why")
 
-    def new_address(self) -> str:
-        """An address that lets in one browser, once; the one before does not any more."""
-        return f"{self._origin}/?token={self._door.new_token()}"
-
     def close(self) -> None:
-        """Stop; what is under way is finished, if that takes no more than seconds.
-
-        The session stays open.
-        """
+        """Stop; what is under way is finished, if that takes no more than seconds."""
         self._server.should_exit = True
         self._thread.join()
+
+
+class WebServer(PageServer):
+    """The page of a session, served by a thread of its own from now until ``close``.
+
+    Arguments and errors as of ``PageServer``. Several servers must not share a session, which stays
+    open.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        subject: Subject,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        *,
+        let_others_in: bool = False,
+    ) -> None:
+        super().__init__(host, port, let_others_in=let_others_in)
+        from elicit.person.hosts.web_app import Door, application
+
+        self._door = Door(self.port, self.hosts)
+        self._interview = Interview(session, subject)
+        self.serve_app(application(self._interview, self._door))
+
+    def new_address(self) -> str:
+        """An address that lets in one browser, once; the one before does not any more."""
+        return f"{self.origin}/?token={self._door.new_token()}"
+
+    def close(self) -> None:
+        """Stop; what is under way is finished, if that takes no more than seconds."""
+        super().close()
         self._interview.close()
 
 
@@ -129,12 +159,12 @@ def serve(
             file=sys.stderr,
             flush=True,
         )
-        for _ in _lines_entered():
+        for _ in lines_entered():
             print(server.new_address(), flush=True)
         threading.Event().wait()
 
 
-def _lines_entered() -> Iterator[str]:
+def lines_entered() -> Iterator[str]:
     """The lines of standard input, if there is one."""
     if hasattr(signal, "SIGTTIN") and threading.current_thread() is threading.main_thread():
         signal.signal(

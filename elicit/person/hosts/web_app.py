@@ -11,12 +11,13 @@ import hmac
 import json
 import logging
 import secrets
-from collections.abc import Iterable
+import threading
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
+from anyio import CapacityLimiter, to_thread
 from starlette.applications import Starlette
-from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
@@ -25,12 +26,12 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from elicit.person.interview import Interview
 from elicit.tutors.log_lines import BadLog
 
 PAGE = Path(__file__).with_name("page")
 _TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
 _MOST = 16 * 1024  # bytes of a message: an id and a choice
+_AT_ONCE = 16  # messages to one page that are computed at once; further ones wait for these
 PATIENCE = 10.0
 """Seconds that a request may take to arrive."""
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -46,12 +47,12 @@ _HEADERS = {
     "cross-origin-resource-policy": "same-origin",
     "permissions-policy": "camera=(), geolocation=(), microphone=()",
 }
-_NOT_LET_IN = (
+NOT_LET_IN = (
     "The address that the program printed lets in one browser, once. For this one, press Enter in "
     "the terminal where "
     "the program runs, and open the address that it prints then."
 )
-_CLOSED_DOOR = f"""<!doctype html>
+_CLOSED_DOOR = """<!doctype html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
@@ -62,12 +63,14 @@ _CLOSED_DOOR = f"""<!doctype html>
 <body>
 <main>
 <h1>Not open to this browser</h1>
-<p>{_NOT_LET_IN}</p>
-<p>If the program was stopped, start it again: what was answered is kept.</p>
+<p>{advice}</p>
+<p>{stopped}</p>
 </main>
 </body>
 </html>
 """
+
+_STOPPED = "If the program was stopped, start it again: what was answered is kept."
 
 _log = logging.getLogger(__name__)
 
@@ -88,31 +91,63 @@ class Impatient(H11Protocol):
             self.transport.close()
 
 
+class Takes(Protocol):
+    """Whoever takes the messages of a page, such as an ``Interview``."""
+
+    def handle(self, message: Mapping[str, Any], /) -> dict[str, Any]:
+        """Return the reply to a message."""
+
+
 class Door:
     """The browsers that are let in: the valid launch token, and the cookie for it.
 
     port: names the cookie, because a browser sends a host's cookies to all its ports. hosts: the
-    names, in lower case and with their ports, by which the page may be called.
+    names, in lower case and with their ports, by which the page may be called. path: that of the
+    page, for which alone the cookie is sent. advice, stopped: sentences to whoever is not let in,
+    on how to get in, and on what to do after a restart.
     """
 
-    def __init__(self, port: int, hosts: Iterable[str]) -> None:
+    def __init__(
+        self,
+        port: int,
+        hosts: Iterable[str],
+        path: str = "/",
+        advice: str = NOT_LET_IN,
+        stopped: str = _STOPPED,
+    ) -> None:
         self.cookie = f"elicit-{port}"
         self.hosts = frozenset(hosts)
+        self.path, self.advice = path, advice
+        self.closed_page = _CLOSED_DOOR.format(advice=advice, stopped=stopped)
         self.secret = secrets.token_urlsafe(32)
         self._token: str | None = None
+        self._lock = threading.Lock()
+        self.opened = False
+        """True if a browser was let in with the newest token."""
 
-    def new_token(self) -> str:
-        """A token that works once; the one before does not any more."""
-        self._token = secrets.token_urlsafe(32)
+    @property
+    def token(self) -> str | None:
+        """The token that still works; None if it was used, or there was none."""
         return self._token
+
+    def new_token(self, shut_out: bool = False) -> str:
+        """A token that works once; the one before does not any more.
+
+        shut_out: the browsers that were let in before are not any more either.
+        """
+        with self._lock:
+            if shut_out:
+                self.secret = secrets.token_urlsafe(32)
+            self._token, self.opened = secrets.token_urlsafe(32), False
+            return self._token
 
     def takes(self, token: str) -> bool:
         """Return whether this is the token, which is then used up."""
-        valid = self._token
-        if valid is None or not _same(token, valid):
-            return False
-        self._token = None
-        return True
+        with self._lock:
+            if self._token is None or not _same(token, self._token):
+                return False
+            self._token, self.opened = None, True
+            return True
 
     def knows(self, request: Request) -> bool:
         """Return whether a request has the cookie.
@@ -131,17 +166,18 @@ class Door:
         )
 
 
-def application(interview: Interview, door: Door) -> ASGIApp:
+def application(interview: Takes, door: Door, start: str = "page.html") -> ASGIApp:
     """Return the page, and ``POST /api``, which takes a message and replies.
 
-    The message is for the interview; both ways it is JSON.
+    The message is for the interview; both ways it is JSON. start: the file of the page at "/".
     """
+    at_once = CapacityLimiter(_AT_ONCE)
 
     async def page(request: Request) -> Response:
-        return _file(request.path_params.get("name", "page.html"))
+        return _file(request.path_params.get("name", start))
 
     async def api(request: Request) -> Response:
-        return await _reply(interview, await _message(request))
+        return await _reply(interview, await _message(request), at_once)
 
     routes = [Route("/", page), Route("/page/{name}", page), Route("/api", api, methods=["POST"])]
     app = Starlette(routes=routes, exception_handlers={HTTPException: _refused})
@@ -203,17 +239,23 @@ class _Guarded:
         elif known:
             return None
         if path == "/api":
-            return _error(403, _NOT_LET_IN)
-        return HTMLResponse(_CLOSED_DOOR, 403)
+            return _error(403, self._door.advice)
+        return HTMLResponse(self._door.closed_page, 403)
 
     def _let_in(self, request: Request) -> Response:
         if request.headers.get("sec-fetch-site", "none") in ("none", "same-origin"):
-            response: Response = RedirectResponse("/", 303)
+            response: Response = RedirectResponse(self._door.path, 303)
         # a link on another page: a redirection would still count as its doing, and go without the
         # cookie
         else:
-            response = HTMLResponse("", headers={"refresh": "0; url=/"})
-        response.set_cookie(self._door.cookie, self._door.secret, httponly=True, samesite="strict")
+            response = HTMLResponse("", headers={"refresh": f"0; url={self._door.path}"})
+        response.set_cookie(
+            self._door.cookie,
+            self._door.secret,
+            path=self._door.path,
+            httponly=True,
+            samesite="strict",
+        )
         return response
 
 
@@ -246,13 +288,13 @@ async def _message(request: Request) -> dict[str, Any]:
     return message
 
 
-async def _reply(interview: Interview, message: dict[str, Any]) -> Response:
+async def _reply(interview: Takes, message: dict[str, Any], at_once: CapacityLimiter) -> Response:
     """Return the interview's reply, computed beside, so that others need not wait.
 
     If something went wrong it says what, without a word of what was answered.
     """
     try:
-        reply = await run_in_threadpool(interview.handle, message)
+        reply = await to_thread.run_sync(interview.handle, message, limiter=at_once)
         return Response(json.dumps(reply), media_type="application/json")
     except BadLog as error:
         _log.error("%s", error)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from elicit import Answers, PolytopeComparator
-from elicit.asking import cuts
-from elicit.asking.cuts import _SLACK, closing_cut, cuts_towards
+from elicit.asking.cuts import closing_cut, cuts_towards
 from elicit.lp.hit_and_run import Draws
 from elicit.model.difference import tail_sums
 
@@ -49,7 +48,7 @@ def test_a_cut_closes_twice_what_the_question_in_its_place_would_or_is_not_asked
     instead = d[np.argmax(high)]
     now = np.log2(np.maximum(high / LIMIT, 1.0)).sum()
     cut = closing_cut(known, known.draws, d, high, LIMIT, instead)
-    weighed_to = 3 * len(d) * np.log2(1.0 + _SLACK)
+    weighed_to = 1e-6 * len(d)  # bounds that are not proven to the last bit
     own = now - halvings_left(known, instead, d)
     if cut is None:
         others = cuts_towards(known.draws, d, high, LIMIT)
@@ -94,23 +93,3 @@ def test_where_nothing_scatters_there_is_no_cut():
     middle = known.draws.gaps.mean(axis=1)[:, None]
     one = Draws(middle, np.ones(1), np.full(1, np.inf))
     assert closing_cut(known, one, d, high, LIMIT, d[0]) is None
-
-
-def test_cuts_left_out_after_a_look_at_draws_or_few_bounds_promise_little_more(monkeypatch):
-    kept = []
-    for seed in range(6):
-        known, d, high = nearly_proven(10, seed, 60)
-        nothing = np.eye(10)[9] - np.eye(10)[0]
-        now = np.log2(np.maximum(high / LIMIT, 1.0)).sum()
-        with monkeypatch.context() as patch:
-            chosen = closing_cut(known, known.draws, d, high, LIMIT, nothing)
-            for name in ("_DRAWN", "_BOUNDED"):
-                patch.setattr(cuts, name, 1000)
-            best = closing_cut(known, known.draws, d, high, LIMIT, nothing)
-        if best is not None:
-            assert chosen is not None
-            promised, most = (now - halvings_left(known, cut, d) for cut in (chosen, best))
-            kept.append(promised / most)
-    assert len(kept) > 3
-    assert np.mean(kept) > 0.9
-    assert min(kept) > 0.6

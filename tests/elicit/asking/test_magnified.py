@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from elicit.asking.elicitation import Pair
-from elicit.asking.magnified import magnified
+from elicit.asking.magnified import magnified, multiples
 from tests.thoroughness import examples
 
 
@@ -25,10 +25,21 @@ def test_the_difference_is_the_greatest_power_of_two_times_what_it_was(seed, k, 
         assert abs(side.sum() - 1.0) <= 1e-9
     common = float(np.minimum(large.left, large.right).sum())
     assert common <= 0.5 + 1e-9  # a further doubling would leave less than nothing in common
-    assert ("times as large" in large.about) == (times > 1)
+    assert times == multiples(pair.left[None, :], pair.right[None, :])[0]
+    assert large[2:] == pair[2:]
 
 
 def test_pairs_without_a_difference_or_without_room_stay_as_they_are():
     same, apart = np.array([0.5, 0.5]), (np.array([1.0, 0.0]), np.array([0.0, 1.0]))
-    assert magnified(Pair(same, same, "")) == Pair(same, same, "")
-    assert magnified(Pair(*apart, "")) == Pair(*apart, "")
+    for sides in ((same, same), apart):
+        assert magnified(Pair(*sides, "")) == Pair(*sides, "")
+
+
+def test_rounding_changes_no_multiple():
+    for share in (0.25, 0.25 + 1e-13, 0.25 - 1e-13):  # a quarter differs: there is room for 4 times
+        left, right = np.array([1 - share, share, 0.0]), np.array([1 - share, 0.0, share])
+        large = magnified(Pair(left, right, ""))
+        np.testing.assert_allclose(large.left - large.right, [0.0, 1.0, -1.0], atol=1e-12)
+        assert min(large.left.min(), large.right.min()) >= 0.0
+    tiny = np.array([[1.0 - 1e-15, 1e-15]]), np.array([[1.0, 0.0]])
+    assert multiples(*tiny) <= 2.0**30

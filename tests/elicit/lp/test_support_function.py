@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from elicit import AlwaysAsk, Answers, Dominance, PolytopeComparator, simultaneous_bounds
+from elicit import (
+    AlwaysAsk,
+    Answers,
+    Dominance,
+    InconsistentAnswers,
+    PolytopeComparator,
+    simultaneous_bounds,
+)
+from elicit.model.comparator import bounds_after, bounds_on_trial
 from elicit.model.difference import tail_sums
 
 
@@ -92,6 +100,51 @@ def test_draws_from_a_polytope_satisfy_its_answers_and_spread(k):
         low, high = comparator.bounds(d)
         scores = tail_sums(d) @ gaps
         assert ((scores.max(axis=1) - scores.min(axis=1)) > 0.4 * (high - low)).all()
+
+
+def after(known, asked, verdict, d):
+    """The greatest d.e (n,) that an answer leaves, by HiGHS; -inf if it contradicts the others."""
+    told = known.answers + Answers(asked[None], [verdict])
+    try:
+        known.update(Answers(asked[None], [verdict]))
+    except InconsistentAnswers:
+        return np.full(len(d), -np.inf)
+    return np.array([greatest_by_highs(row, told, known.margin) for row in d])
+
+
+@pytest.mark.parametrize(("k", "n"), [(3, 0), (3, 2), (6, 12), (12, 20), (30, 40)])
+def test_bounds_foreseen_after_an_answer_are_the_optima_of_highs(k, n):
+    rng = np.random.default_rng(k)
+    known = PolytopeComparator(k).update(truthful(rng, n, k)) if n else PolytopeComparator(k)
+    before = known.simultaneous_bounds(d := differences(rng, 12, k))[0]
+    gaps = known.draws.gaps
+    open_ones = differences(rng, 400, k)
+    open_ones = open_ones[(np.sign(tail_sums(open_ones) @ gaps).min(axis=1) < 0)][:3]
+    contradicted = np.eye(k)[-1:] - np.eye(k)[:1]  # nobody prefers the worst level
+    asked = np.concatenate([open_ones, contradicted])
+    found = known.bounds_after(asked, d, 0.0)
+    assert found.shape == (len(asked), 2, len(d))
+    for i, row in enumerate(asked):
+        for part, verdict in enumerate((-1, 1)):
+            exact = after(known, row, verdict, d)
+            matters = exact > 1e-9
+            np.testing.assert_allclose(found[i, part, matters], exact[matters], atol=1e-7)
+            assert (found[i, part, ~matters] <= 1e-7).all()
+    again = known.bounds_after(asked, d, enough := 0.5 * np.maximum(before, 0.0))
+    np.testing.assert_allclose(np.maximum(again, enough), np.maximum(found, enough), atol=1e-9)
+    np.testing.assert_array_equal(known.simultaneous_bounds(d)[0], before)
+
+
+def test_bounds_foreseen_by_trial_are_the_same():
+    rng = np.random.default_rng(1)
+    known = PolytopeComparator(6).update(truthful(rng, 8, 6))
+    asked, d = differences(rng, 5, 6), differences(rng, 20, 6)
+    tried, found = bounds_on_trial(known, asked, d), bounds_after(known, asked, d, 0.0)
+    np.testing.assert_allclose(np.maximum(found, 0), np.maximum(tried, 0), atol=1e-9)
+    one_wrong = PolytopeComparator(6, wrong=1).update(known.answers)
+    by_cells = bounds_after(one_wrong, asked, d, 0.0)
+    assert (by_cells >= tried - 1e-9).all()
+    assert (by_cells <= one_wrong.simultaneous_bounds(d)[0] + 1e-9).all()
 
 
 def test_draws_from_an_uncut_simplex_are_uniform():

@@ -365,9 +365,9 @@ def test_bad_optional_parts_are_found_out(bad, complaint):
 
 BAD_PARTS = {
     "simultaneous_bounds": {"simultaneous_bounds": lambda self, d: None},
-    "rough_bounds": {
+    "bounds_after": {
         "simultaneous_bounds": lambda self, d: (self.product(d), 0.9),
-        "rough_bounds": lambda self, d, slack: self.product(d) - 0.1,
+        "bounds_after": lambda self, asked, d, enough: np.full((len(asked), 2, len(d)), -1.0),
     },
     "draws": {"draws": 3},
     "level": {"draws": property(even), "level": 2},

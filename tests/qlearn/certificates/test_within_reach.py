@@ -56,11 +56,11 @@ def test_few_answers_say_nothing() -> None:
 
 
 def test_a_hopeless_tutor_is_told_early_and_a_steady_one_never() -> None:
-    mdp, values = qlearn.random_mdp(20, 3, 6, seed=1)
+    mdp, values = qlearn.random_mdp(40, 4, 8, seed=5)
     for precision in (2.0, 1e4):
         said: dict[int, str] = {}
         learner = qlearn.InteractivePolicyIteration(
-            mdp, elicit.PosteriorComparator(6, particles=300), tolerance=0.01, max_queries=60
+            mdp, elicit.PosteriorComparator(8, particles=300), tolerance=0.01, max_queries=60
         )
         result = qlearn.drive(
             learner,

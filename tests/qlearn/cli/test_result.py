@@ -23,7 +23,7 @@ def log(
     """The log of somebody who answered six questions about a table, or settled what differed."""
     monkeypatch.chdir(tmp_path)
     Path("care.csv").write_text(TABLE)
-    monkeypatch.setattr(sys, "stdin", io.StringIO("1\n" * 7))
+    monkeypatch.setattr(sys, "stdin", io.StringIO("a\n1\n" * 7))
     assert main(["teach", "--problem", "care.csv", "--unit", "patients", "--seed", "2"]) == 0
     capsys.readouterr()
     return Path("answers-care.jsonl")

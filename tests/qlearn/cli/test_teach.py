@@ -357,13 +357,14 @@ def test_what_a_choice_can_lose_is_the_same_of_counts_and_of_shares(tmp_path: Pa
 def test_words_for_keys_undo_and_quit(
     table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    typed = "LEFT\n\nwhat\n=\nu\nu\n?\nright\nundo\nquit\nnever read\n"
+    typed = "A\n\nwhat\n1\nequal\nu\nu\n?\nb\nundo\nquit\nnever read\n"
     code, shown, _ = taught(typed, monkeypatch, capsys, table, "--comparator", "posterior")
     assert code == 0
     assert (
         "'what' is no answer here. a or b: that one; e: equal; ?: cannot tell; u: undo; w: why; f: "
         "finish now; q: quit" in " ".join(shown.split())
     )
+    assert "'1' is no answer here." in shown  # it is a number of a list, not a side
     assert shown.count("Taken back.") == 2
     assert shown.count("There is no answer to undo.") == 1
     assert "never read" not in shown
@@ -382,7 +383,7 @@ def test_words_for_keys_undo_and_quit(
 def test_at_the_end_the_keys_of_the_end_are_said(
     table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    _, shown, _ = taught("1\n" * 30, monkeypatch, capsys, table)
+    _, shown, _ = taught("a\n1\n" * 30, monkeypatch, capsys, table)
     after = " ".join(shown[shown.index("Enter: what was learned") :].split())
     assert "'1' is no answer here. Enter: what was learned; m: more questions; u: undo" in after
     assert "w: why" not in after
@@ -451,7 +452,7 @@ def test_the_end_of_the_input_quits_and_at_the_end_tells_what_was_learned(
     assert (
         max(len(line) for line in shown.splitlines() if not line.startswith("  qlearn teach")) <= 39
     )
-    code, shown, _ = taught("1\n" * 30, monkeypatch, capsys, table)
+    code, shown, _ = taught("a\n1\n" * 30, monkeypatch, capsys, table)
     assert "Practice question: your answer is not saved" not in shown
     assert "Going on after 1 answer." in shown
     assert "Enter: what was learned" in shown
@@ -525,13 +526,23 @@ def test_answers_that_do_not_go_together_are_said_and_change_with_the_comparator
     assert all(" rather than " in item or " as good as " in item for item in items)
 
 
+def test_choices_of_a_conflict_say_what_each_leaves(
+    table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    chance = random.Random(3)
+    typed = "".join(f"{chance.choice('ab')}\n" for _ in range(60))
+    _, shown, _ = taught(typed, monkeypatch, capsys, table, "--comparator", "polytope")
+    said = " ".join(shown.split())
+    assert re.search(r"1: [^:]+?\. Keeps \d+ of \d+ answers\. The result could then lose", said)
+
+
 def test_names_in_a_file_cannot_steer_the_terminal(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("x.csv").write_text(TABLE.replace("ill", "i\x1b[2Jll").replace("new", "\x1b]0;new"))
     code, shown, errors = taught(
-        "1\n" * 30, monkeypatch, capsys, "--problem", "x.csv", "--unit", "\x1bmen"
+        "a\n1\n" * 30, monkeypatch, capsys, "--problem", "x.csv", "--unit", "\x1bmen"
     )
     assert code == 0
     assert "Your choice is" in shown

@@ -11,6 +11,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from elicit import FlippingTutor, PolytopeComparator, Tier, TruthfulTutor
+from elicit.catalogue import LOOKS
 from elicit.model.comparator import Comparator
 from elicit.plot import STYLES, kind_of, styles
 from qlearn import (
@@ -293,6 +294,9 @@ def test_every_name_has_something_that_it_stands_for() -> None:
     assert {name: more[name] for name in STYLES} == STYLES
     looks = [(style["color"], style["marker"], str(style["linestyle"])) for style in more.values()]
     assert all(len(set(look)) == len(STYLES) + 6 for look in zip(*looks, strict=True))
+    every = styles([*(f"mine {i}" for i in range(6)), *STYLES, *LOOKS])
+    assert len({style["color"] for style in every.values()}) == len(STYLES) + len(LOOKS) + 6
+    assert {entry.label for entry in runs.LEARNERS.values()} <= {*LOOKS}
     assert [*styles(f"mine {i}" for i in range(30))] == [f"mine {i}" for i in range(30)]
     choices = {one.name: one.metadata["check"] for one in fields(Settings)}
     assert {*choices["exploration"].names} == {*EXPLORATIONS}

@@ -58,14 +58,35 @@ def test_the_same_bits_by_factors_steps_and_sweeps(
     chain, inflow = random_chain(60, 5), scale * np.random.default_rng(1).random((60, 3)) * 0.1
     dense = discounted_totals(chain, inflow, 0.9)
     monkeypatch.setattr(linear_systems, "_DENSE", 0)
+    beside_a_constant = discounted_totals(chain, inflow, 0.9)
+    monkeypatch.setattr(linear_systems, "_swept_beside_a_constant", lambda flows, inflow: None)
     by_steps = discounted_totals(chain, inflow, 0.9)
     stuck = lambda matrix, residual, rtol, maxiter: (0.0 * residual, maxiter)  # noqa: E731
     monkeypatch.setattr(linear_systems, "bicgstab", stuck)
     by_factors = discounted_totals(chain, inflow, 0.9)
     monkeypatch.setattr(linear_systems, "_SPARSE", 0)
     by_sweeps = discounted_totals(chain, inflow, 0.9)
-    for other in (by_steps, by_factors, by_sweeps):
+    for other in (beside_a_constant, by_steps, by_factors, by_sweeps):
         np.testing.assert_array_equal(other, dense)
+
+
+@pytest.mark.parametrize("discount", [0.3, 0.9, 0.9999])
+@pytest.mark.parametrize("ends", [0, 1, 30])
+def test_sweeps_beside_a_constant_are_right_or_give_up(discount: float, ends: int) -> None:
+    rng = np.random.default_rng(ends)
+    mixing, inflow = random_chain(200, ends, 8), rng.random((200, 3))
+    # states from which a run may end, and a chain of two halves that hardly mix
+    leaking = sparse.csr_array(sparse.diags_array(1.0 - (np.arange(200) < ends) * 0.5) @ mixing)
+    halves = sparse.csr_array(sparse.block_diag([random_chain(100, 1), random_chain(100, 2)]))
+    for chain, must in ((mixing, True), (leaking, ends == 0), (halves, False)):
+        flows = (discount * chain).tocsr()
+        found = linear_systems._swept_beside_a_constant(flows, inflow)
+        assert found is not None or not must
+        if found is not None:
+            exact = np.linalg.solve(np.eye(200) - flows.toarray(), inflow)
+            np.testing.assert_allclose(found, exact, atol=1e-12 / (1 - discount))
+    if discount == 0.9999:
+        assert found is None  # what the halves differ by is forgotten slowly
 
 
 def test_nothing_flows_in() -> None:

@@ -11,6 +11,7 @@ import qlearn
 from elicit import Answers, Panel, PolytopeComparator, PosteriorComparator, TruthfulTutor
 from elicit.model.scale import normalise
 from qlearn import cost_of_following, policy_for_the_worst_off
+from qlearn.panel.following import cost_of_following_a_choice
 from tests.mdp_cases import messy_mdp
 from tests.own_cases import Exact
 from tests.thoroughness import examples
@@ -130,6 +131,23 @@ def test_what_is_no_panel_is_refused():
             function(mdp, PolytopeComparator(4))
     with pytest.raises(ValueError, match="4 levels, but the panel's scales have 3"):
         policy_for_the_worst_off(mdp, exact({"ann": [0, 0.5, 1]}))
+
+
+def test_following_another_in_a_choice_loses_what_the_scales_say() -> None:
+    vectors = np.array([[0.5, 0.0, 0.5], [0.0, 1.0, 0.0], [0.2, 0.8, 0.0]])
+    panel = exact({"ann": [0, 0.1, 1], "ben": [0, 0.9, 1]})
+    found = cost_of_following_a_choice(vectors, panel)
+    scales = [member.values for member in panel.members.values()]
+    worth = [vectors @ scale for scale in (*scales, panel.values)]
+    for i, name in enumerate(panel.people):
+        for j in range(3):
+            lost = worth[i].max() - worth[i][worth[j].argmax()]
+            assert found.losses[i, j] == pytest.approx(lost, abs=1e-9)
+            assert found.bounds[i, j] >= lost - 1e-9
+        assert name in str(found)
+    assert "at the worst state" not in str(found)
+    with pytest.raises(TypeError, match=r"elicit\.Panel"):
+        cost_of_following_a_choice(vectors, panel.members["ann"])  # type: ignore[arg-type]
 
 
 def test_what_is_no_mdp_is_refused():

@@ -50,7 +50,27 @@ def test_a_cut_that_takes_nothing_away_or_everything_changes_nothing():
 def test_a_cut_that_would_leave_too_many_corners_is_left_out(monkeypatch):
     monkeypatch.setattr(reachable_set, "MOST_CORNERS", 5)
     reach = ReachableSet.shares(4)
-    assert reach.cut(np.array([0.2, 0.3, 0.5]), 0.4) is reach
+    left = reach.cut(np.array([0.2, 0.3, 0.5]), 0.4)
+    assert left.corners is reach.corners
+    assert left.full
+    assert not reach.full
+
+
+def test_of_too_many_cuts_the_first_are_left_out(monkeypatch):
+    rng, k = np.random.default_rng(0), 6
+    seen = ReachableSet.shares(k).corners.mean(axis=0)
+    cuts = [(gaps, float(seen @ gaps) + 0.01) for gaps in rng.dirichlet(np.ones(k - 1), 12)]
+    whole = ReachableSet.shares(k).cut_by(cuts)
+    assert not whole.full
+    assert len(whole.corners) > 60
+    monkeypatch.setattr(reachable_set, "MOST_CORNERS", 60)
+    part = ReachableSet.shares(k).cut_by(cuts)
+    assert part.full
+    assert len(part.corners) <= 60
+    gaps, limit = cuts[-1]
+    assert part.greatest(gaps[:, None])[0] <= limit + 1e-9
+    ways = rng.dirichlet(np.ones(k - 1), 50).T
+    assert (part.greatest(ways) >= whole.greatest(ways) - 1e-9).all()  # larger, so bounds hold
 
 
 def test_what_is_no_share_vector_is_refused():

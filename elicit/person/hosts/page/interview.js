@@ -11,11 +11,14 @@ const NUMBERS = ["no", "one", "two", "three", "four", "five", "six", "seven", "e
 
 // Draw an interview into the element `root`; `send(message)` promises the reply, or rejects with an Error whose message
 // says what the person can do. What may differ between hosts: `keys`, the target that hears the keyboard; `later`, how
-// to go on another day; `titled(text)`, told where the person is. Returns a function that takes all of it away.
+// to go on another day; `where`, where answers are saved; `seen`, a title and a sentence on who sees them;
+// `titled(text)`, told where the person is. Returns a function that takes all of it away.
 export function mount(root, send, options = {}) {
   const {
     keys = root,
     later = "To go on, start the same command again. It continues where you are now.",
+    where = "on this computer",
+    seen = ["It stays here.", "Your answers are saved on this computer. Others see them only if you share them."],
     titled = () => {},
   } = options;
   let screen = null; // the last one drawn
@@ -202,7 +205,7 @@ export function mount(root, send, options = {}) {
 
   function foot() {
     const n = screen.answered;
-    const words = n ? `${n} ${n === 1 ? "answer" : "answers"} saved on this computer` : "Nothing answered yet";
+    const words = n ? `${n} ${n === 1 ? "answer" : "answers"} saved ${where}` : "Nothing answered yet";
     const tick = part("span", "tick", { "aria-hidden": "true" }, ["✓ "]);
     if (!saved.textContent.endsWith(words)) saved.replaceChildren(...(n ? [tick, words] : [words]));
     const going = screen.stage !== "end" && screen.stage !== "welcome";
@@ -279,7 +282,7 @@ export function mount(root, send, options = {}) {
     const says = [
       ["You compare.", `${compare} There is no right or wrong answer.`],
       ["The program learns.", purpose || "It works out how good each level is to you."],
-      ["It stays here.", "Your answers are saved on this computer. Others see them only if you share them."],
+      seen,
     ].map(([title, text]) => part("p", "step", {}, [part("b", "", {}, [title]), ` ${text}`]));
     const left = part("div", "column", {}, says);
     if (screen.preamble) left.append(part("p", "soft", {}, [screen.preamble]));
@@ -550,7 +553,7 @@ export function mount(root, send, options = {}) {
   }
 
   function pause() {
-    const parts = [part("p", "", {}, ["Everything is saved on this computer. You can close this window now."])];
+    const parts = [part("p", "", {}, [`Everything is saved ${where}. You can close this window now.`])];
     parts.push(part("p", "", {}, [later]), returning());
     return [{ heading: ["Paused"], name: "Paused", more: "" }, ...parts];
   }
@@ -643,7 +646,7 @@ function remember(on) {
 }
 
 // An element with a class, attributes, and what is in it: elements, or strings, which stay text.
-function part(tag, name, attributes = {}, inside = []) {
+export function part(tag, name, attributes = {}, inside = []) {
   const made = document.createElement(tag);
   if (name) made.className = name;
   for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
@@ -651,7 +654,7 @@ function part(tag, name, attributes = {}, inside = []) {
   return made;
 }
 
-function button(name, words, done, key, shortcut) {
+export function button(name, words, done, key, shortcut) {
   const hint = key ? [part("kbd", "", { "aria-hidden": "true" }, [key])] : [];
   const made = part("button", name, { type: "button" }, [...hint, words]);
   if (shortcut) made.setAttribute("aria-keyshortcuts", shortcut);
@@ -659,7 +662,7 @@ function button(name, words, done, key, shortcut) {
   return made;
 }
 
-function section(title, inside) {
+export function section(title, inside) {
   return part("section", "part", {}, [part("h2", "", {}, [title]), ...inside]);
 }
 
@@ -708,7 +711,7 @@ function icon(level, levels, colour) {
   return made;
 }
 
-function colourOf(level, levels) {
+export function colourOf(level, levels) {
   const at = (level / Math.max(1, levels - 1)) * (COLOURS.length - 1);
   const low = Math.min(Math.floor(at), COLOURS.length - 2);
   return `rgb(${COLOURS[low].map((x, i) => Math.round(x + (at - low) * (COLOURS[low + 1][i] - x))).join(",")})`;
@@ -748,12 +751,12 @@ function svg(tag, attributes, inside = []) {
   return made;
 }
 
-function axis() {
+export function axis() {
   const marks = [0, 50, 100].map((x) => svg("text", { x: `${x}%`, y: 14, "text-anchor": "middle" }, [String(x)]));
   return svg("svg", { class: "axis", "aria-hidden": "true", focusable: "false" }, marks);
 }
 
-function interval(low, value, high, colour, asked) {
+export function interval(low, value, high, colour, asked) {
   const marks = [0, 25, 50, 75, 100].map((x) => `${x}%`);
   const grid = marks.map((x) => svg("line", { class: "grid", x1: x, x2: x, y1: 0, y2: "100%" }));
   const [x, width] = [`${low}%`, `${high - low}%`];

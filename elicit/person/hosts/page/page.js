@@ -1,6 +1,7 @@
 // The page's side of an interview: messages go to the program on this computer that served the page.
 
 import { mount } from "./interview.js";
+import { sender } from "./send.js";
 
 const STOPPED =
   "The program on this computer does not answer. Start it again with the same command, then press Try again. If it " +
@@ -8,20 +9,7 @@ const STOPPED =
 const SHUT_OUT =
   "The program was restarted. Open the new address in this browser, then press Try again here, or go on there.";
 
-async function send(message) {
-  const sent = { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(message) };
-  const reply = await fetch("api", sent).catch(() => {
-    throw new Error(STOPPED);
-  });
-  if (reply.status === 403) throw new Error(SHUT_OUT);
-  const content = await reply.json().catch(() => {
-    throw new Error(STOPPED);
-  });
-  if (!reply.ok) throw new Error(content.error ?? `The program answers ${reply.status}. Press Try again.`);
-  return content;
-}
-
-mount(document.getElementById("interview"), send, {
+mount(document.getElementById("interview"), sender(STOPPED, SHUT_OUT), {
   keys: document,
   titled(text) {
     document.title = text;

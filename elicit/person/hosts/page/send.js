@@ -1,0 +1,16 @@
+// Messages to the program that served the page: a function that promises the reply to one. `stopped` and `shutOut` say
+// what to do where the program does not answer, and where it does not let in this browser.
+export function sender(stopped, shutOut) {
+  return async function send(message) {
+    const sent = { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(message) };
+    const reply = await fetch("api", sent).catch(() => {
+      throw new Error(stopped);
+    });
+    if (reply.status === 403) throw new Error(shutOut);
+    const content = await reply.json().catch(() => {
+      throw new Error(stopped);
+    });
+    if (!reply.ok) throw new Error(content.error ?? `The program answers ${reply.status}. Press Try again.`);
+    return content;
+  };
+}

@@ -1,0 +1,120 @@
+"""The pages of a study as an ASGI application: one for each person, one for whoever runs it.
+
+Each page lies under a path of its own and has a door of its own: a token, and a cookie that the
+browser sends to this path alone. All that holds of a single page holds of each of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from elicit.person.hosts.web_app import Door, application
+from elicit.person.showing import printable
+from elicit.person.study.study import Study
+
+RUNNER = "study"
+"""The first part of the path of the page of whoever runs the study."""
+_ASK = "A link lets in one browser, once. Ask whoever runs the study for a new link."
+_KEPT = "What was answered is kept. After a restart of the program everybody needs a new link."
+_RUN_IT = (
+    "The address of this page lets in one browser, once. For this one, press Enter in the terminal "
+    "where the program runs, and open the address that it prints then."
+)
+
+
+class Reception:
+    """The doors of a study, and the messages of whoever runs it.
+
+    They are those of ``Study``, whose people have two more fields here: ``link`` (the link that was
+    not opened yet, or null) and ``opened`` (true if a browser was let in by the newest one). And
+    there is ``{"do": "link", "who": ...}``, which makes a new link for a person and shuts out the
+    browsers that older ones let in. Its reply is that to ``state``.
+
+    Parameters
+    ----------
+    study : Study
+    port : int
+    hosts : iterable of str
+        As of ``Door``.
+    origin : str
+        The beginning of every address.
+    """
+
+    def __init__(self, study: Study, port: int, hosts: Iterable[str], origin: str) -> None:
+        self._study, self._origin = study, origin
+        names = frozenset(hosts)
+        self._doors = {
+            who: Door(port, names, f"/{number}/", _ASK, _KEPT)
+            for number, who in enumerate(study.people, 1)
+        }
+        self._runner = Door(port, names, f"/{RUNNER}/", _RUN_IT)
+        self._nobody = Door(port, names, "/", _ASK, _KEPT)
+        for door in self._doors.values():
+            door.new_token()
+
+    def links(self) -> dict[str, str]:
+        """Return each person's link that was not opened yet."""
+        return {
+            who: self._link(door) for who, door in self._doors.items() if door.token is not None
+        }
+
+    def new_runner_address(self) -> str:
+        """An address that lets in whoever runs the study, once; the one before does not now."""
+        self._runner.new_token()
+        return self._link(self._runner)
+
+    def application(self) -> ASGIApp:
+        """Return the application."""
+        rooms: dict[str, ASGIApp] = {
+            door.path.strip("/"): application(self._study.interviews[who], door, "person.html")
+            for who, door in self._doors.items()
+        }
+        rooms[RUNNER] = application(self, self._runner, "runner.html")
+        nobody = application(self, self._nobody)
+
+        async def route(scope: Scope, receive: Receive, send: Send) -> None:
+            first, slash, rest = str(scope["path"]).removeprefix("/").partition("/")
+            room = rooms.get(first) if slash and scope["path"].startswith("/") else None
+            if room is None:
+                await nobody(scope, receive, send)
+            else:
+                await room({**scope, "path": f"/{rest}"}, receive, send)
+
+        return route
+
+    def handle(self, message: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the reply to a message of whoever runs the study.
+
+        Raises
+        ------
+        ValueError
+            For something that is no message.
+        """
+        parts = dict(message)
+        if parts.get("do") == "link":
+            door = next(
+                (d for who, d in self._doors.items() if printable(who) == parts.get("who")), None
+            )
+            if door is None or len(parts) != 2:
+                raise ValueError("a link is for one of the people of the study")
+            door.new_token(shut_out=True)
+            parts = {"do": "state"}
+        reply = self._study.handle(parts)
+        if parts["do"] == "agreement":
+            return reply
+        doors = zip(reply["people"], self._doors.values(), strict=True)
+        people = [
+            {
+                **person,
+                "link": None if door.token is None else self._link(door),
+                "opened": door.opened,
+            }
+            for person, door in doors
+        ]
+        return {**reply, "people": people}
+
+    def _link(self, door: Door) -> str:
+        return f"{self._origin}{door.path}?token={door.token}"

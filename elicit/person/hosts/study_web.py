@@ -1,0 +1,73 @@
+"""A study as pages: ``serve_study`` until Ctrl+C, or ``StudyServer`` beside other work.
+
+Needs the extra: pip install 'elicit-qlearn[web]'.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from contextlib import suppress
+
+from elicit.person.hosts.web import PageServer, lines_entered
+from elicit.person.study.study import Study
+
+
+class StudyServer(PageServer):
+    """The pages of a study, served by a thread of its own from now until ``close``.
+
+    Each person has a link of their own, which leads to their page alone. Whoever runs the study has
+    a page that says who has answered how much, makes new links, and ends the study. Other arguments
+    and errors are those of ``PageServer``. The study stays open.
+    """
+
+    def __init__(
+        self,
+        study: Study,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        *,
+        let_others_in: bool = False,
+    ) -> None:
+        super().__init__(host, port, let_others_in=let_others_in)
+        from elicit.person.hosts.study_app import Reception
+
+        self._reception = Reception(study, self.port, self.hosts, self.origin)
+        self.serve_app(self._reception.application())
+
+    def links(self) -> dict[str, str]:
+        """Return each person's link that was not opened yet. It lets in one browser, once."""
+        return self._reception.links()
+
+    def new_address(self) -> str:
+        """An address that lets in whoever runs the study, once; the one before does not now."""
+        return self._reception.new_runner_address()
+
+
+def serve_study(
+    study: Study, host: str = "127.0.0.1", port: int = 0, *, let_others_in: bool = False
+) -> None:
+    """Serve the pages of a study until Ctrl+C.
+
+    Prints each person's link, a line of standard output with the name, and the address of the page
+    of whoever runs it; a new one of the latter for each line of standard input. Arguments and
+    errors as of ``StudyServer``.
+    """
+    with (
+        suppress(KeyboardInterrupt),  # a second one, while the first one is heeded
+        StudyServer(study, host, port, let_others_in=let_others_in) as server,
+        suppress(KeyboardInterrupt),
+    ):
+        for who, link in server.links().items():
+            print(f"{who}: {link}")
+        print(f"Your own page: {server.new_address()}", flush=True)
+        print(
+            "Send each person the link with their name. Each address lets in one browser, once. "
+            "Your own page makes new links, shows who has answered how much, and ends the study. "
+            "Enter: another address of your own page. Ctrl+C: stop. Every answer is kept.",
+            file=sys.stderr,
+            flush=True,
+        )
+        for _ in lines_entered():
+            print(f"Your own page: {server.new_address()}", flush=True)
+        threading.Event().wait()
