@@ -20,7 +20,7 @@ from elicit._support.hashing import Seed
 from elicit._support.seeds import seed_of
 from elicit._support.validation import is_number, require
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import people_of, tie_of
+from elicit.model.comparator import tie_of
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 from elicit.person.asker import (
     AfterAnswer,
@@ -103,8 +103,7 @@ class Session(Closing):
     TypeError
         If ``asker`` is neither of these.
     ValueError
-        If only a function can go on with this log, or if the asker's questions go to several
-        people: a session is one person's.
+        If only a function can go on with this log.
     BadLog, BlockingIOError, OSError
         As ``AnswerLog`` raises them, also for a log of another person.
     """
@@ -148,7 +147,7 @@ class Session(Closing):
                 self._stamp[WHO] = person
             self._repeats = Repeats(self._log, float(audit or 0.0), self.seed)
             self._replayed = ReplayedAsker(asker, self._log, self._now)
-            _check_one_person(self._replayed.current())
+            self._replayed.current()
         except BaseException:
             self.close()
             raise
@@ -441,9 +440,16 @@ class Session(Closing):
         """Return sets of answers that contradict each other, whatever the scale.
 
         If any one of a set were withdrawn, the others of that set would be consistent. No answer is
-        in two sets. The person is taken not to err, also with a noisy comparator.
+        in two sets. The person is taken not to err, also with a noisy comparator. Answers of
+        different people do not contradict each other.
         """
-        rest = [entry for entry in self._log if counts(entry) and entry.answer.verdict is not None]
+        told = [entry for entry in self._log if counts(entry) and entry.answer.verdict is not None]
+        people = dict.fromkeys(entry.answer.who for entry in told)
+        each = ([entry for entry in told if entry.answer.who == who] for who in people)
+        return tuple(found for own in each for found in self._conflicts_of(own))
+
+    def _conflicts_of(self, rest: list[Entry]) -> list[tuple[Entry, ...]]:
+        """Return the ``conflicts`` among the answers of one person."""
         found: list[tuple[Entry, ...]] = []
         while rest:
             comparator = self._reliable(len(rest[0].answer.query.left))
@@ -454,10 +460,10 @@ class Session(Closing):
                 rows = sorted({row for row, _ in error.answers})
                 found.append(tuple(rest[row] for row in rows))
                 rest = [entry for row, entry in enumerate(rest) if row not in rows]
-        return tuple(found)
+        return found
 
     def contradiction(self) -> tuple[Entry, ...]:
-        """Return a set of answers that contradict each other, with the last one among them.
+        """Return a set of a person's answers that contradict each other, with the last among them.
 
         It is empty if the last answer contradicts none, whether the comparator errs or not. One
         more answer takes far less time than all ``conflicts``.
@@ -466,6 +472,7 @@ class Session(Closing):
         standing = [entry for entry in self._log if not entry.retracted]
         if not rest or rest[-1] is not standing[-1]:
             return ()
+        rest = [entry for entry in rest if entry.answer.who == rest[-1].answer.who]
         *earlier, last = rest
         said = [(entry.answer.query.id, entry.answer.verdict) for entry in rest]
         if self._consistent is not None and self._consistent[1] == said[:-1]:
@@ -570,14 +577,3 @@ def _unchanged(said: Answer, verdict: Verdict | int | None) -> Answer:
 
 def _word(verdict: Verdict | None) -> str:
     return "'cannot tell'" if verdict is None else repr(verdict.name.lower())
-
-
-def _check_one_person(asker: Asker) -> None:
-    """Raise ValueError if the asker's questions go to several people."""
-    people = people_of(asker.comparator) if isinstance(asker, Compares) else ()
-    if len(people) > 1:
-        raise ValueError(
-            f"a session is one person's, but the questions go to {', '.join(map(repr, people))}: "
-            "make a session and a log for each, with a comparator of their own, and put these into "
-            "an elicit.Panel afterwards; or call drive with the tutor of each by name"
-        )

@@ -136,7 +136,7 @@ def learn(state: RaterArrays, n: int, prior: ParticlePrior, key: Any) -> tuple[i
     proposed, accepted, done, stage = 0, 0, 0.0, 0
     copied = np.empty(m, dtype=np.int64)
     while done < 1.0:
-        told = _Told(state.rows[:, n - 1 : n], state.tied[n - 1 : n], 1.0)
+        told = _OneRater(state.rows[:, n - 1 : n], state.tied[n - 1 : n], 1.0)
         found = _terms(x, _of_scale(x, prior)[1], who, told, state.wide[who], prior)
         part = tempered(logs, found, 1.0 - done)
         done = 1.0 if part >= 1.0 - done else done + part
@@ -165,7 +165,7 @@ class Several(NamedTuple):
     wide: tuple[bool, ...]
 
 
-class _Told(NamedTuple):
+class _OneRater(NamedTuple):
     """Answers of one rater; the last one's likelihood counts to the power ``last``."""
 
     rows: Floats
@@ -186,7 +186,7 @@ def move(
     for number in range(len(state.wide)):
         own = np.flatnonzero(state.by[:n] == number)
         power = last if number == state.by[n - 1] else 1.0
-        told.append(_Told(np.ascontiguousarray(state.rows[:, own]), state.tied[own], power))
+        told.append(_OneRater(np.ascontiguousarray(state.rows[:, own]), state.tied[own], power))
 
     def terms(some: Floats, theta: Floats, number: int) -> Floats:
         return _terms(some, theta, number, told[number], state.wide[number], prior)
@@ -326,7 +326,7 @@ def parameters(
 
 
 def _terms(
-    x: Floats, theta: Floats, number: int, told: _Told, wide: bool, prior: ParticlePrior
+    x: Floats, theta: Floats, number: int, told: _OneRater, wide: bool, prior: ParticlePrior
 ) -> Floats:
     """Return the log-likelihood (q,) of a rater's answers."""
     n = told.rows.shape[1]

