@@ -17,7 +17,7 @@ from elicit.model.outcomes import Status, assumed_of_answers
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats
 from elicit.person.course.conclusion import Conclusion, ResultTable, in_unit
-from elicit.person.showing import Words
+from elicit.person.showing import Words, printable
 from qlearn.learners.learner import Result
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import optimal_policy
@@ -226,7 +226,7 @@ def _worth(
     order = np.argsort(-points, kind="stable").tolist()
     rows = tuple(
         (
-            names[i],
+            printable(names[i]),
             *(f"{100 * share:.3g}" for share in shares[i, ::-1]),
             f"{100 * points[i]:.0f}",
             f"{100 * max(low[i], 0.0):.0f} to {100 * min(high[i], 1.0):.0f}",
@@ -235,10 +235,11 @@ def _worth(
     )
     return ResultTable(
         f"The {len(names)} alternatives",
-        ("Alternative", *labels[::-1], "Worth", "Range"),
+        ("Alternative", *map(printable, labels[::-1]), "worth", "range"),
         rows,
-        f"In 100 outcomes of each. Worth is from 0, if all were {labels[0]}, to 100, if all were "
-        f"{labels[-1]}: the best guess, and the range that fits your answers.",
+        "In 100 outcomes of each. Worth is from 0, if all were "
+        f"{printable(labels[0])}, to 100, if all were {printable(labels[-1])}: the best guess, and "
+        "the range that fits your answers.",
         "alternative",
     )
 

@@ -321,8 +321,14 @@ def report_lines(screen: dict[str, Any], width: int) -> list[str]:
     lines += end["statements"]
     if changes := end["changes"]:
         lines += [f"\n{changes['title']}.", changes["note"]]
-        for state, other, mine in changes["rows"][:_MOST_CHANGES]:
-            lines.append(f"  - {state}: {mine}, not {other}")
+        columns = changes["columns"][1:]
+        for first, *cells in changes["rows"][:_MOST_CHANGES]:
+            if changes["of"] == "state":
+                other, mine = cells
+                lines.append(f"  - {first}: {mine}, not {other}")
+            else:
+                each = zip(columns, cells, strict=True)
+                lines.append(f"  - {first}: {', '.join(f'{name} {cell}' for name, cell in each)}")
         more = len(changes["rows"]) - _MOST_CHANGES
         lines += [f"  - and {more} more"] if more > 0 else []
     for conflict in end["conflicts"]:

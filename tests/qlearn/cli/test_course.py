@@ -154,7 +154,7 @@ def test_after_few_answers_only_what_holds_for_every_plausible_scale_is_claimed(
         assert not end["settled"]
         scales, result = plausible(session, scaled(60, 400)), session.result()
         assert len(scales) > 20
-        bound = re.search(r"lose as much as ([\d.]+) in 100", end["headline"])
+        bound = re.search(r"ideal plan by ([\d.]+) in 100", end["headline"])
         assert (bound is None) == (answers == 0)
         if bound:
             lost = max(policy_loss(MDP, result.policy, scale).max() for scale in scales)
