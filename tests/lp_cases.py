@@ -23,6 +23,7 @@ from elicit.lp.dual_simplex import minimise, minimise_exactly
 from elicit.lp.primal_simplex import CERTAIN_POINT, DOUBTFUL_CORNER, USED, Known
 from elicit.lp.rounding import EPS
 from elicit.lp.vertex_store import start
+from elicit.model.difference import MOST
 from elicit.model.difference_kernel import to_order_one
 
 Floats = NDArray[np.float64]
@@ -588,6 +589,7 @@ def extreme(rng: Rng, k: int, n: int, asks: int) -> Case:
     case = _case("extreme", rng, truth, random_margin(rng, truth), d, asks)
     powers = rng.choice([1e301, 1e280, 1e-12, 1e-300, 1e-320], size=(asks // 2, 1))
     case.ask[: asks // 2] = shares(rng, k, asks // 2) / 2 * powers
+    case.ask[np.abs(case.ask).max(axis=1) > MOST] *= 2.0**-40  # beyond it they are refused
     return case
 
 

@@ -12,11 +12,13 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from elicit._support import jit
+from elicit.asking.answered_pairs import AnsweredPairs
 from elicit.asking.choose_from_list import choose
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import Comparator
-from elicit.model.query import Answers
+from elicit.model.difference import tail_sums
+from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from qlearn.experiments.catalogue import COMPARATORS, LEARNERS
@@ -78,9 +80,12 @@ def sweeps() -> None:
 
 @jit.compiling()
 def certificates() -> None:
-    """Bound a loss as policy iteration does."""
+    """Bound a loss as policy iteration does, and know answered pairs again."""
     mdp, values = random_mdp(6, 3, 5, seed=0)
     drive(InteractivePolicyIteration(mdp, PolytopeComparator(5)), TruthfulTutor(values))
+    answered, d = AnsweredPairs(5), np.diff(_rows(3), axis=0)
+    answered.add(d[0], Verdict.BETTER, binding=False)
+    answered.said(tail_sums(d))
 
 
 ALL = (proofs, moves, loops, sweeps, certificates)

@@ -198,7 +198,7 @@ def test_the_page_on_certificates_is_made_in_parts_and_goes_on(monkeypatch, tmp_
     assert sum(row[2].endswith("(Regan and Boutilier)") for row in limits) == 2
     assert [row[1] for row in limits if row[2] == "policy iteration"] == ["never", certified.FLIPS]
     assert [row[6] for row in limits if row[2] == "hindsight, greedy"] == ["1.00", "1.00"]
-    assert [row[4] for row in limits if row[2] == "policy iteration"] == [table[2][5], table[3][5]]
+    assert [row[4] for row in limits if row[2] == "policy iteration"] == [table[2][6], table[3][6]]
 
 
 def test_a_grid_has_five_ways_on_from_each_cell():
@@ -256,7 +256,7 @@ def test_a_line_on_sessions_counts_answers_and_broken_bounds():
         setting, [run, run._replace(answered=run.answered + 2, loss=run.bound + 0.001)]
     )
     assert cells[:5] == ["polytope", "0.01", "0%", "0", "2"]
-    assert cells[6:9] == [str(run.answered), str(run.answered + 1), str(run.answered + 2)]
+    assert cells[7:10] == [str(run.answered), str(run.answered + 1), str(run.answered + 2)]
     assert cells[-1] == "1 of 2"
 
 

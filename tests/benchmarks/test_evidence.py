@@ -332,7 +332,7 @@ def believed(text: str) -> Iterator[str | Cells]:
             preference_posteriors.run({"tutor": "logistic", "k": 5, "n": 20, "seed": n})
             for n in range(seeds)
         ]
-    yield cells(preference_posteriors._line(name, rows), -1, -2)
+    yield [*preference_posteriors._line(name, rows)[:-2], None, None]
 
 
 def answered_again(text: str) -> Iterator[str | Cells]:

@@ -144,7 +144,7 @@ def test_an_address_a_second_browser_and_the_command_that_goes_on(tmp_path: Path
         code, rest, errors = teach.interrupt()
     assert code == 0
     assert rest == (
-        "Kept: 2 answers. To go on:\n  qlearn teach --problem random --comparator polytope --log "
+        "Kept: 2 answers. To go on:\n  qlearn teach --problem random --comparator posterior --log "
         "answers-random.jsonl "
         "--days 10 --seed 0 --tolerance 0.05 --web\n"
     )

@@ -469,7 +469,7 @@ def test_a_large_model_is_solved_nearly_and_asks_no_more(monkeypatch):
             assert result.status is Status.CONVERGED
             assert policy_loss(mdp, result.policy, values).max() <= result.loss_bound <= 5e-4
             assert (
-                0.99 * 1800 <= sum(result.decided.values()) - result.asked <= 1800
+                0.98 * 1800 <= sum(result.decided.values()) - result.asked <= 1800
             )  # a few may stay open
             asked[exact] += result.asked
     assert asked[False] <= 1.3 * asked[True]

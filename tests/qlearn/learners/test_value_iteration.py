@@ -288,7 +288,7 @@ def test_an_erring_oracle_answers_each_question_once() -> None:
         (10, 50, 160, (1,)),  # throw-away implementations asked 65 to 141 questions
         *(
             pytest.param(k, low, high, range(3), marks=pytest.mark.slow)
-            for k, low, high in ((5, 20, 60), (10, 50, 160), (15, 80, 220))
+            for k, low, high in ((5, 20, 60), (10, 50, 160), (15, 60, 220))
         ),
     ],
 )
