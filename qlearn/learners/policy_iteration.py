@@ -303,6 +303,9 @@ class InteractivePolicyIteration(Learner):
                 (product(tail_sums(over.d), draws_of(comparator).gaps) > least).any(axis=1)
             )
             rows = rows[self._elicitation.may_ask(over.d[rows], lambda i: places(rows[i]))]
+        if self._magnify:  # the multiple is what was asked, and a multiple counts as another pair
+            asked = over.d[rows] * np.reshape(self._times(over, rows), (-1, 1))
+            rows = rows[self._elicitation.may_ask(asked, lambda i: places(rows[i]))]
         return rows
 
     def _cut(
