@@ -12,11 +12,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from qlearn.cli.options import fail, number_parser
-from qlearn.cli.result import NO_RECIPE
+from qlearn.cli.options import fail
+from qlearn.cli.result import NO_RECIPE, add_settings
 from qlearn.cli.teach import RECIPE, problem_parser
-from qlearn.experiments.catalogue import TAUGHT_WITH
-from qlearn.experiments.settings import INNER
 
 if TYPE_CHECKING:
     from elicit import AnswerLog, Interview
@@ -52,14 +50,7 @@ def add_to(commands: Any) -> None:
     command.add_argument(
         "logs", type=Path, nargs="+", metavar="LOG", help="a log of qlearn teach for each person"
     )
-    command.add_argument("--problem", type=problem_parser, help="as of qlearn teach [the logs']")
-    command.add_argument("--comparator", choices=TAUGHT_WITH, help="who learns [the logs']")
-    command.add_argument(
-        "--tolerance",
-        type=number_parser(INNER),
-        metavar="X",
-        help="share of the value range at which a plan is called settled [the logs']",
-    )
+    add_settings(command, "the logs'")
     command.add_argument(
         "--out",
         type=Path,

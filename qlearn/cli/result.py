@@ -33,19 +33,24 @@ def add_to(commands: Any) -> None:
     )
     command.set_defaults(command=run)
     command.add_argument("log", type=Path, metavar="LOG", help="a log of qlearn teach")
-    command.add_argument("--problem", type=problem_parser, help="as of qlearn teach [the log's]")
-    command.add_argument("--comparator", choices=TAUGHT_WITH, help="who learns [the log's]")
-    command.add_argument(
-        "--tolerance",
-        type=number_parser(INNER),
-        metavar="X",
-        help="share of the value range at which a plan is called settled [the log's]",
-    )
+    add_settings(command, "the log's")
     command.add_argument(
         "--out",
         type=Path,
         metavar="DIR",
         help="also write report.html, and scale, policy and answers as .csv and .json",
+    )
+
+
+def add_settings(command: Any, whose: str) -> None:
+    """Add options that take the place of what ``whose``, a log's or several logs', header says."""
+    command.add_argument("--problem", type=problem_parser, help=f"as of qlearn teach [{whose}]")
+    command.add_argument("--comparator", choices=TAUGHT_WITH, help=f"who learns [{whose}]")
+    command.add_argument(
+        "--tolerance",
+        type=number_parser(INNER),
+        metavar="X",
+        help=f"share of the value range at which a plan is called settled [{whose}]",
     )
 
 

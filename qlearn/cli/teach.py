@@ -215,30 +215,30 @@ def run(
     questions = how["questions"]
     name = problem if isinstance(problem, str) else problem.name
     short = short_name(name)
+    recipe = {
+        "problem": name,
+        "comparator": comparator,
+        "days": days,
+        "unit": unit,
+        "seed": seed,
+        "tolerance": tolerance,
+    }
+    same = ["--days", str(days), "--seed", str(seed)]
+    same += [] if unit is None else ["--unit", unit]
+    same += [] if name.lower().endswith(".csv") else ["--tolerance", str(tolerance)]
     if people := how["people"] or how["invite"]:
         wrong = _not_for_several(log, how)
         if wrong:
             return fail(wrong)
         from qlearn.cli.teach_study import StudyPlan, run_study
 
-        recipe = {
-            "problem": name,
-            "comparator": comparator,
-            "days": days,
-            "unit": unit,
-            "seed": seed,
-            "tolerance": tolerance,
-        }
         paths = {who: Path(f"answers-{short}-{in_a_path(who)}.jsonl") for who in people}
         headers = {who: begun_with(path, recipe) for who, path in paths.items()}
         some = ["--people", ",".join(people)]
         if how["invite"]:
             some = ["--invite", str(len(people))]
         again = ["qlearn", "teach", "--web", *some, "--problem", name, "--comparator", comparator]
-        again += ["--days", str(days), "--seed", str(seed), "--audit", str(audit)]
-        again += [] if unit is None else ["--unit", unit]
-        again += [] if name.lower().endswith(".csv") else ["--tolerance", str(tolerance)]
-        again += address_options(how)
+        again += [*same, "--audit", str(audit), *address_options(how)]
         report = ["qlearn", "report", *map(str, paths.values()), "--out", f"study-{short}"]
         plan = StudyPlan(paths, headers, audit, seed, shlex.join(again), shlex.join(report))
 
@@ -252,8 +252,7 @@ def run(
         return 130
     path = log or Path(f"answers-{short}{'' if who is None else f'-{in_a_path(who)}'}.jsonl")
     again = ["qlearn", "teach", "--problem", name, "--comparator", comparator, "--log", str(path)]
-    again += ["--days", str(days), "--seed", str(seed), *([] if unit is None else ["--unit", unit])]
-    again += [] if name.lower().endswith(".csv") else ["--tolerance", str(tolerance)]
+    again += same
     again += [] if questions is None else ["--questions", str(questions)]
     again += [] if audit == _AUDIT else ["--audit", str(audit)]
     again += [] if who is None else ["--who", who]
@@ -265,14 +264,6 @@ def run(
             if taught.hint:
                 print(printable(taught.hint), file=sys.stderr, flush=True)
             print("Getting ready ...", file=sys.stderr, flush=True)
-            recipe = {
-                "problem": name,
-                "comparator": comparator,
-                "days": days,
-                "unit": unit,
-                "seed": seed,
-                "tolerance": tolerance,
-            }
             header = {**taught.header, **begun_with(path, recipe)}
             kept = stack.enter_context(AnswerLog(path, len(taught.subject.labels), header, who))
             session = stack.enter_context(
