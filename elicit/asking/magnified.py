@@ -23,8 +23,9 @@ _SLACK = 1e-9
 """A share of the total by which a multiple may exceed the room for it: sums are rounded, and which
 power of two is taken must not hang on that."""
 
-_MOST = 2.0**30
-"""The greatest multiple: what is smaller than its inverse may be rounding alone."""
+_MOST = 2.0**20
+"""The greatest multiple: it enlarges the rounding of shares, about 1e-16, to 1e-10 at most, so that
+a magnified pair is still found by its value."""
 
 
 def multiples(left: Floats, right: Floats) -> Floats:

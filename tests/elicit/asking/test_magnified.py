@@ -24,7 +24,8 @@ def test_the_difference_is_the_greatest_power_of_two_times_what_it_was(seed, k, 
         assert (side >= -1e-12).all()
         assert abs(side.sum() - 1.0) <= 1e-9
     common = float(np.minimum(large.left, large.right).sum())
-    assert common <= 0.5 + 1e-9  # a further doubling would leave less than nothing in common
+    # A further doubling would leave less than nothing in common, or enlarge rounding too much.
+    assert common <= 0.5 + 1e-9 or times == 2.0**20
     assert times == multiples(pair.left[None, :], pair.right[None, :])[0]
     assert large[2:] == pair[2:]
 
@@ -42,4 +43,4 @@ def test_rounding_changes_no_multiple():
         np.testing.assert_allclose(large.left - large.right, [0.0, 1.0, -1.0], atol=1e-12)
         assert min(large.left.min(), large.right.min()) >= 0.0
     tiny = np.array([[1.0 - 1e-15, 1e-15]]), np.array([[1.0, 0.0]])
-    assert multiples(*tiny) <= 2.0**30
+    assert multiples(*tiny) <= 2.0**20
