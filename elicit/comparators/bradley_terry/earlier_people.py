@@ -24,7 +24,8 @@ NEWCOMERS = 4.0
 """Number of people that the general prior counts as."""
 
 MOST_KINDS, PEOPLE_A_KIND = 3, 12  # one kind more for each so many people
-STEPS = 30  # of expectation-maximisation
+DEALS, FIRST_STEPS = 10, 8  # of people into kinds at the start, and steps with each deal
+STEPS = 30  # of expectation-maximisation, with the likeliest
 NEWTON = 40  # steps of a fit of a Dirichlet law
 DIGITS = 4  # of fitted parameters: processors differ in the last of sixteen
 LEAST_SD = 0.1  # of log c within a kind
@@ -114,6 +115,7 @@ def learned_from(
     learns_lapse : bool
         If not, the lapse is known, and no part of a kind.
     seed : int
+        Deals the people into kinds, from which the fit begins ``DEALS`` times.
 
     Returns
     -------
@@ -125,11 +127,35 @@ def learned_from(
     pooled = pooled._replace(lapse=lapse, weights=np.log(np.maximum(pooled.weights, 1e-300)))
     before = general(pooled)
     count = min(MOST_KINDS, 1 + n // PEOPLE_A_KIND)
-    dealt = np.random.default_rng(seed).permutation(n) % count
-    held = np.exp(pooled.weights) * (np.repeat(dealt, m) == np.arange(count)[:, None])
-    newcomer = NEWCOMERS / (NEWCOMERS + n)
-    kinds = _fitted(pooled, held, least_shape, learns_lapse)
-    for _ in range(STEPS):
+    rng, held = np.random.default_rng(seed), np.exp(pooled.weights)
+
+    def fitted(kinds: list[Kind], steps: int) -> tuple[float, list[Kind]]:
+        return _maximised(pooled, before, kinds, n, steps, least_shape, learns_lapse)
+
+    begun = []
+    for _ in range(DEALS if count > 1 else 1):
+        dealt = np.repeat(rng.permutation(n) % count, m) == np.arange(count)[:, None]
+        begun.append(fitted(_fitted(pooled, held * dealt, least_shape, learns_lapse), FIRST_STEPS))
+    _, likeliest = max(begun, key=lambda fit: round(fit[0], 6))
+    _, kinds = fitted(likeliest, STEPS)
+    return EarlierPeople(n, answers, tuple(_rounded(kind) for kind in kinds))
+
+
+def _maximised(
+    pooled: OwnParticles,
+    before: Floats,
+    kinds: list[Kind],
+    n: int,
+    steps: int,
+    least_shape: float,
+    learns_lapse: bool,
+) -> tuple[float, list[Kind]]:
+    """Return the log-likelihood of n people's answers, up to a constant, and likelier kinds.
+
+    The likelihood is that of the kinds before the last step of expectation-maximisation.
+    """
+    newcomer, found = NEWCOMERS / (NEWCOMERS + n), 0.0
+    for _ in range(steps):
         parts = np.stack(
             [
                 np.log((1.0 - newcomer) * kind.share) + _log_density(kind, pooled, learns_lapse)
@@ -138,11 +164,11 @@ def learned_from(
             + [np.log(newcomer) + before]
         )
         total = logsumexp(parts, axis=0)
-        logs = (pooled.weights + total - before).reshape(n, m)
-        weights = np.exp(logs - logsumexp(logs, axis=1, keepdims=True)).ravel()
-        held = weights * np.exp(parts[:-1] - total)
-        kinds = _fitted(pooled, held, least_shape, learns_lapse)
-    return EarlierPeople(n, answers, tuple(_rounded(kind) for kind in kinds))
+        logs = (pooled.weights + total - before).reshape(n, -1)
+        own = logsumexp(logs, axis=1, keepdims=True)
+        weights, found = np.exp(logs - own).ravel(), float(own.sum())
+        kinds = _fitted(pooled, weights * np.exp(parts[:-1] - total), least_shape, learns_lapse)
+    return found, kinds
 
 
 def _log_density(kind: Kind, at: OwnParticles, learns_lapse: bool) -> Floats:

@@ -755,7 +755,8 @@ def _answers_of(people: Logs, k: int) -> list[Answers]:
         raise TypeError(f"{wanted}, not {people!r}")
     by_name = people if isinstance(people, Mapping) else dict(enumerate(people))
     found = []
-    for name, log in by_name.items():
+    for name in sorted(by_name, key=str):  # what is learned does not hang on a dict's order
+        log = by_name[name]
         if not isinstance(log, Answers) and not callable(getattr(log, "answers", None)):
             raise TypeError(f"{wanted}, but that of {name!r} is {log!r}")
         answers = log if isinstance(log, Answers) else cast(HasAnswers, log).answers()

@@ -10,6 +10,7 @@ from scipy.special import expit, gammaln, logsumexp
 
 from elicit import AnswerLog, Answers, PosteriorComparator
 from elicit.comparators.bradley_terry import density as D
+from elicit.comparators.bradley_terry import earlier_people
 from elicit.comparators.bradley_terry.earlier_people import (
     NEWCOMERS,
     EarlierPeople,
@@ -170,6 +171,34 @@ def test_it_is_one_comparator_like_any_other() -> None:
     assert (back.probability(d) == first.probability(d)).all()
     passed_on = PosteriorComparator(5, like=first.like, particles=200)
     assert (passed_on.draws.gaps == first.draws.gaps).all()
+
+
+def test_what_is_learned_does_not_hang_on_the_order_of_a_dict() -> None:
+    by_name = dict(zip("abcdefghijklmn", alike(14, n=6), strict=True))
+    turned = dict(reversed(by_name.items()))
+    first, second = (PosteriorComparator(5, like=logs, particles=100) for logs in (by_name, turned))
+    assert first.like == second.like
+
+
+def test_of_several_deals_of_people_into_kinds_the_likeliest_fit_is_taken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    reached: list[tuple[float, int]] = []
+    plain = earlier_people._maximised
+
+    def watched(*given: Any) -> Any:
+        found = plain(*given)
+        reached.append((found[0], given[4]))
+        return found
+
+    monkeypatch.setattr(earlier_people, "_maximised", watched)
+    like = PosteriorComparator(5, like=alike(14, n=12), particles=200).like
+    assert like is not None
+    assert len(like.kinds) == 2
+    begun = [found for found, steps in reached if steps == earlier_people.FIRST_STEPS]
+    (last,) = (found for found, steps in reached if steps == earlier_people.STEPS)
+    assert len(begun) == earlier_people.DEALS
+    assert last >= max(begun) - 1e-3  # expectation-maximisation goes up
 
 
 def test_nobody_before_is_the_general_prior() -> None:
