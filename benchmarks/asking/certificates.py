@@ -7,10 +7,11 @@
     python -m benchmarks.asking.certificates --only "k = 5" limits
         # parts of the page
 
-Random MDPs of the paper (|S| = 100, |A| = 5, discount .95) and ICU-Sepsis, each problem with a
-hidden scale of its own. A truthful tutor and the polytope, beside plain value iteration; and, with
-the posterior, tutors who err: one who flips a tenth of the answers, and two who err as in eq. (6).
-Then the same numbers of questions beside how few could have proven the policy (``hindsight``).
+Random MDPs of the paper (|S| = 100, |A| = 5, discount .95), the families of ``qlearn.problems`` and
+ICU-Sepsis, each problem with a hidden scale of its own. A truthful tutor and the polytope, beside
+plain value iteration; and, with the posterior, tutors who err: one who flips a tenth of the
+answers, and two who err as in eq. (6). Then the same numbers of questions beside how few could have
+proven the policy (``hindsight``).
 ``--journal`` keeps finished runs: while the code is the same, the same command goes on where it was
 stopped, and parts made with ``--only`` are not made again.
 """
@@ -50,6 +51,7 @@ from qlearn.experiments.parallel import Cell, sweep
 from qlearn.experiments.run import TUTORS, of_precision
 from qlearn.learners.learner import Learner, Result
 from qlearn.mdp.planning import Actions
+from qlearn.problems.families.catalogue import FAMILIES
 from qlearn.problems.icu_sepsis import icu_sepsis
 from qlearn.problems.random_mdp import draw_values
 
@@ -57,6 +59,7 @@ PROVEN, ENOUGH, ERROR = 5e-5, 0.01, 0.1
 BUDGET = 1000  # questions, with a tutor who errs
 ICU = "ICU-Sepsis"
 RANDOM = ("k = 5", "k = 10", "k = 20")
+PARTS = (*RANDOM, *FAMILIES, ICU)
 # problems of ICU-Sepsis, whose MDP is always the same, and at most of limits at k = 20: a minute
 # each
 FEW = 5
@@ -117,11 +120,12 @@ def run(learner: Learner, tutor: Tutor) -> tuple[Result, list[float]]:
 
 
 def problem(name: str, seed: int) -> tuple[OrdinalMDP, Floats]:
-    """An MDP and its hidden values (k,): ICU-Sepsis, or a random MDP of the paper with "k = ..."
-    levels.
+    """An MDP and its hidden values (k,): ICU-Sepsis, one of a family, or a random MDP of the paper
+    with "k = ..." levels.
     """
-    if name == ICU:
-        return _icu(), draw_values(_icu().k, seed=seed)
+    if name in (ICU, *FAMILIES):
+        mdp = _icu() if name == ICU else FAMILIES[name](seed)
+        return mdp, draw_values(mdp.k, seed=seed)
     return random_mdp(100, 5, int(name.removeprefix("k = ")), seed=seed)
 
 
@@ -169,7 +173,7 @@ def certify(cell: Cell) -> Row:
 
 def tolerance(cell: Cell) -> float:
     """What a policy may lose, as a share of the value range, for a certificate to stand."""
-    return PROVEN if cell["errs"] == NEVER and cell["problem"] != ICU else ENOUGH
+    return PROVEN if cell["errs"] == NEVER and cell["problem"] in RANDOM else ENOUGH
 
 
 def line(cell: Cell, rows: Sequence[Row]) -> list[str]:
@@ -203,7 +207,7 @@ def cells(only: Sequence[str], problems: int, erring: int) -> list[Cell]:
     """The runs of the first table, row by row."""
     return [
         plan(name, who, errs, seed)
-        for name in (*RANDOM, ICU)
+        for name in PARTS
         if name in only
         for who, errs in (
             ("value iteration", NEVER),
@@ -329,7 +333,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "--problems", type=int, default=20, help="with a truthful tutor (default: 20)"
     )
     parser.add_argument(
-        "--erring", type=int, default=30, help="with a tutor who errs (default: 30)"
+        "--erring", type=int, default=50, help="with a tutor who errs (default: 50)"
     )
     parser.add_argument(
         "--limits",
@@ -337,7 +341,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         default=20,
         help=f"problems of the second table (default: 20; of k = 20 at most {FEW})",
     )
-    parts = (*RANDOM, ICU, LIMITS)
+    parts = (*PARTS, LIMITS)
     parser.add_argument("--only", nargs="+", choices=parts, default=list(parts), metavar="PART",
                         help=f"parts of the page, of {', '.join(map(repr, parts))}")  # fmt: skip
     parser.add_argument("--jobs", type=int, default=1, help="processes (default: 1)")

@@ -288,7 +288,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument(
-        "--scales", type=int, default=20, help="hidden scales a setting [%(default)s]"
+        "--scales", type=int, default=50, help="hidden scales a setting [%(default)s]"
     )
     parser.add_argument(
         "--browser", default="/usr/bin/chromium-headless-shell", help="its program, or '' for none"

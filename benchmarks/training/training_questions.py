@@ -16,6 +16,7 @@ from __future__ import annotations
 import argparse
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -45,7 +46,10 @@ from qlearn import (
     draw_values,
     random_mdp,
 )
+from qlearn.problems.families.catalogue import FAMILIES
 from qlearn.problems.icu_sepsis import icu_sepsis
+
+COSTLY = ("rover", "surgery", "career")  # families in which a wrong guess costs most
 
 ERROR = 0.1
 Problem = Callable[[int], tuple[OrdinalMDP, Floats]]
@@ -173,13 +177,22 @@ def kinds(problems: int) -> dict[str, Callable[[], list[Run]]]:
     return {
         "random MDP, k = 5, truthful": lambda: [black_box(paper(5), s) for s in range(problems)],
         "random MDP, k = 5, 10% flips": lambda: [
-            black_box(paper(5), s, truthful=False) for s in range(2 * problems)
+            black_box(paper(5), s, truthful=False) for s in range(3 * problems)
         ],
         "random MDP, k = 10, truthful": lambda: [black_box(paper(10), s) for s in range(problems)],
+        **{f"{name}, truthful": partial(_on_family, name, problems) for name in COSTLY},
         "ICU-Sepsis, truthful": lambda: [black_box(clinic, s) for s in range(min(problems, 5))],
         "terrain, tile-coded, truthful": lambda: [on_terrain(s) for s in range(min(problems, 12))],
         "deep-sea-treasure, hidden weights": lambda: [for_treasure(s) for s in range(problems)],
     }
+
+
+def _on_family(name: str, problems: int) -> list[Run]:
+    def drawn(seed: int) -> tuple[OrdinalMDP, Floats]:
+        mdp = FAMILIES[name](seed)
+        return mdp, draw_values(mdp.k, seed=seed)
+
+    return [black_box(drawn, seed) for seed in range(problems)]
 
 
 def paper(k: int) -> Problem:
