@@ -27,7 +27,7 @@ from qlearn.experiments.parallel import Cell, sweep
 from qlearn.experiments.run import TUTORS as BY_RATE
 
 LEVELS = (5, 10, 20)
-STATES, ACTIONS = 15, 3
+STATES, ACTIONS = (15, 60), 3
 TOLERANCE, BUDGET, ERROR = 0.01, 150, 0.1
 FIRST = 1000  # seeds from here on: none of those on which anything was tried out
 ROUND = 10  # seeds between two looks at the journal
@@ -37,22 +37,24 @@ MAKES: Mapping[str, Callable[[OrdinalMDP, Floats, int], Tutor]] = {
 }
 Row = dict[str, Any]
 ABOUT = f"""\
-Random MDPs of {STATES} states and {ACTIONS} actions, each with a hidden scale of its own. Policy
-iteration with the posterior as it comes, a tolerance of {100 * TOLERANCE:g}% of the value range,
-{BUDGET} questions at most, sides at random. A run is one problem and one tutor: a person drawn by
-`PersonTutor`, or eq. (6) with the precision that errs in {100 * ERROR:g}% of the comparisons of an
-optimal policy.
+Random MDPs of {" or ".join(map(str, STATES))} states and {ACTIONS} actions, each with a hidden
+scale of its own. Policy iteration with the posterior as it comes, a tolerance of
+{100 * TOLERANCE:g}% of the value range, {BUDGET} questions at most, sides at random. A run is one
+problem and one tutor: a person drawn by `PersonTutor`, or eq. (6) with the precision that errs in
+{100 * ERROR:g}% of the comparisons of an optimal policy.
 
 *Held*: runs whose true loss at the worst state is within the bound that was stated, with the exact
-binomial 95% interval. The bound is one of 95%, so 95 of 100 may be expected to hold. *Spent*: runs
-that used up the {BUDGET} questions. *Within*: runs that ended with a bound within the tolerance.
-*Wrong*: answers that said the opposite of the truth."""
+binomial 95% interval. The bound is one of 95%, so 95 of 100 may be expected to hold. *Within*: runs
+that ended with a bound within the tolerance. *Spent*: runs that used up the {BUDGET} questions.
+*All asked*: runs that ended before, because each pair that could change the policy had been asked
+about; no pair is asked about twice, and few states have few pairs. *Wrong*: answers that said the
+opposite of the truth."""
 
 
 def promised(cell: Cell) -> Row:
     """One run."""
     seed, k = cell["seed"], cell["k"]
-    mdp, values = random_mdp(STATES, ACTIONS, k, seed=seed)
+    mdp, values = random_mdp(cell["states"], ACTIONS, k, seed=seed)
     tutor = MAKES[cell["tutor"]](mdp, values, seed)
     learner = InteractivePolicyIteration(
         mdp, PosteriorComparator(k, seed=seed), tolerance=TOLERANCE, max_queries=BUDGET
@@ -75,8 +77,9 @@ def promised(cell: Cell) -> Row:
 def cells(runs: int) -> list[Cell]:
     """The runs, seed by seed."""
     return [
-        {"k": k, "tutor": tutor, "seed": FIRST + i}
+        {"states": states, "k": k, "tutor": tutor, "seed": FIRST + i}
         for i in range(runs)
+        for states in STATES
         for tutor in MAKES
         for k in LEVELS
     ]
@@ -91,17 +94,20 @@ def held(rows: Sequence[Row]) -> str:
     return f"{100 * test.statistic:.1f}% [{100 * low:.1f}, {100 * high:.1f}]"
 
 
-def line(tutor: str, k: int, rows: Sequence[Row]) -> list[str]:
+def line(states: int, tutor: str, k: int, rows: Sequence[Row]) -> list[str]:
     """A row of the first table."""
     asked = [row["asked"] for row in rows]
     given = max(1, sum(asked))
+    statuses = [row["status"] for row in rows]
     return [
+        f"{states}",
         tutor,
         f"{k}",
         f"{len(rows)}",
         with_interval(asked, 1),
-        f"{sum(row['status'] == 'GUESSED' for row in rows)}",
         f"{sum(row['bound'] <= TOLERANCE for row in rows)}",
+        f"{statuses.count('GUESSED')}",
+        f"{statuses.count('EXHAUSTED') + statuses.count('CALLED_EQUAL')}",
         f"{100 * np.median([row['bound'] for row in rows]):.2f}%",
         f"{100 * sum(row['wrong'] for row in rows) / given:.1f}%",
         f"{100 * sum(row['equal'] for row in rows) / given:.1f}%",
@@ -115,19 +121,29 @@ def report(runs: int, **how: Any) -> Iterator[list[str]]:
 
     plan = cells(runs)
     rows: list[Row] = []
-    step = ROUND * len(MAKES) * len(LEVELS)
+    step = ROUND * len(STATES) * len(MAKES) * len(LEVELS)
     for first in range(0, len(plan), step):
         rows += sweep(promise.promised, plan[first : first + step], **how)
     done = list(zip(plan, rows, strict=True))
     yield ["# How often the bound holds with people", "", machine(), "", *ABOUT.splitlines(), ""]
     table = [
-        line(tutor, k, [row for cell, row in done if (cell["tutor"], cell["k"]) == (tutor, k)])
+        line(
+            states,
+            tutor,
+            k,
+            [
+                row
+                for cell, row in done
+                if (cell["states"], cell["tutor"], cell["k"]) == (states, tutor, k)
+            ],
+        )
+        for states in STATES
         for tutor in MAKES
         for k in LEVELS
     ]
-    head = ("tutor", "levels", "runs", "questions", "spent", "within", "bound, median", "wrong",
-            "equal", "held")  # fmt: skip
-    yield markdown(head, table, 1)
+    head = ("states", "tutor", "levels", "runs", "questions", "within", "spent", "all asked",
+            "bound, median", "wrong", "equal", "held")  # fmt: skip
+    yield markdown(head, table, 2)
     yield ["", "## By what ended the run", ""]
     table = []
     for tutor in MAKES:

@@ -46,17 +46,19 @@ def test_the_best_gamble_is_found_with_a_persons_own_answers():
 
 
 def test_a_run_is_the_same_again_and_its_row_says_whether_the_bound_held():
-    cell = {"k": 5, "tutor": "PersonTutor", "seed": 3}
+    cell = {"states": 15, "k": 5, "tutor": "PersonTutor", "seed": 3}
     row = promise.promised(cell)
     assert row == promise.promised(cell)
     assert row["held"] == (row["loss"] <= row["bound"] + 1e-12)
     assert 0 < row["asked"] <= promise.BUDGET
-    assert promise.line("PersonTutor", 5, [row, row | {"held": False}])[-1].startswith("50.0% [")
+    assert promise.line(15, "PersonTutor", 5, [row, row | {"held": False}])[-1].startswith(
+        "50.0% ["
+    )
 
 
 def test_the_runs_of_all_rows_go_side_by_side():
     plan = promise.cells(2)
-    assert len(plan) == 2 * len(promise.MAKES) * len(promise.LEVELS)
+    assert len(plan) == 2 * len(promise.STATES) * len(promise.MAKES) * len(promise.LEVELS)
     assert {cell["seed"] for cell in plan[:6]} == {promise.FIRST}
     assert promise.held([{"held": True}] * 95 + [{"held": False}] * 5) == "95.0% [88.7, 98.4]"
 
