@@ -52,7 +52,14 @@ from elicit.model.comparator import (
     unordered_of,
 )
 from elicit.model.difference import dominance, tail_sums
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
+from elicit.model.query import (
+    Answer,
+    Answers,
+    InconsistentAnswers,
+    Query,
+    Verdict,
+    as_verdict,
+)
 from elicit.model.scale import Floats
 from elicit.model.tutor import CountsErrors, Tutor, TutorOfMany, check_tutor_made
 
@@ -69,6 +76,7 @@ if __doc__ is not None:  # python -OO leaves it out
     )
 
 _T = TypeVar("_T")
+_ENDS = 5  # questions about the best and the worst level, which hardly any tutor gets all wrong
 _TOLERANCE = 1e-8  # largest error of bounds, times |d|_1; verdicts may have none
 
 
@@ -131,6 +139,16 @@ def check_tutor(tutor: Tutor, k: int, truthful: bool = False, seed: Seed | None 
     _say(
         verdict in (None, Verdict.EQUAL),
         f"two identical vectors are EQUAL, but it says {verdict!r}",
+    )
+    worst, best = np.eye(k)[[0, -1]]
+    ends = [
+        _ask(tutor, Query.make("check_tutor", -2 - i, best, worst + i / 20 * (best - worst)))
+        for i in range(_ENDS)
+    ]
+    _say(
+        any(code is not Verdict.WORSE for code in ends),
+        f"of the best level (left) and nearly the worst (right), it prefers the right in {_ENDS} "
+        "of as many questions: are left and right exchanged? 1 means that left is better",
     )
     if truthful:
         plain = dominance(tail_sums(d))
@@ -622,10 +640,12 @@ def _check_update(comparator: Comparator, d: Floats) -> Comparator:
 
 def _ask(tutor: Tutor, query: Query) -> Verdict | None:
     before = query.left.copy(), query.right.copy()
-    answer = tutor(query)
+    reply = tutor(query)
+    answer = Answer(query, as_verdict(reply)) if isinstance(reply, (int, np.integer)) else reply
     _say(
         isinstance(answer, Answer),
-        f"a tutor must return an elicit.Answer, not {type(answer).__name__}",
+        "a tutor must return an elicit.Answer, or 1 (left is better), -1 (right is) or 0 (equal), "
+        f"not {reply!r}",
     )
     _say(
         answer.query.id == query.id,

@@ -13,10 +13,7 @@ class Status(Enum):
     WAITING = "not finished: a question waits for the tutor; answer what ask() returns"
     TRAINING = "not finished: it waits for a policy trained on to_train(); bring it with add"
     DONE = "finished: all steps are done, and nothing is left to ask"
-    CONVERGED = (
-        "finished: the policy is within the tolerance, if the answers (and optimality_gap, where "
-        "one was given) were right"
-    )
+    CONVERGED = "finished: the bound on the policy's loss is within the tolerance"
     CERTIFIED = "finished: no plausible scale lets the policy lose more than max_loss"
     BOUNDED = (
         "finished: the policy is within the tolerance (or max_loss) by the comparator's bounds, "
@@ -56,8 +53,7 @@ class Status(Enum):
     )
     EXHAUSTED = (
         "stopped: whatever could still matter, the tutor has answered already or could not tell; "
-        "loss_bound says how "
-        "much that can matter"
+        "loss_bound says how much that can matter; simple questions may tell more (bags=)"
     )
     SWEEP_LIMIT = (
         "stopped at the limit of sweeps before converging: raise max_sweeps or the tolerance"

@@ -495,7 +495,10 @@ def match(answers: Sequence[Answer], pending: Sequence[Query]) -> tuple[Answer, 
     seen: set[str] = set()
     for answer in told:
         if not isinstance(answer, Answer):
-            raise TypeError(f"a tutor must return elicit.Answer(query, verdict), not {answer!r}")
+            raise TypeError(
+                "a tutor must return elicit.Answer(query, verdict), or to qlearn.drive and solve "
+                f"also 1 (left is better), -1 (right is) or 0 (equal), not {answer!r}"
+            )
         name = answer.query.id
         if name in seen:
             raise StaleAnswer(f"two answers to one pending query: {name!r}")

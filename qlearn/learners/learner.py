@@ -252,13 +252,11 @@ class Result:
             return "No bound on the policy's loss can be given."
         share = 0.0 if self.loss_bound == 0 else max(self.loss_bound, _LEAST_SHOWN)
         return (
-            f"The policy loses at most {_rounded_up(100 * share)}% of the value range "
-            f"({self._confidence_in_words()}): "
-            "(1 - discount) times its loss of return, over the value of the best level against the "
-            "worst, at "
-            "the worst state.\nAs a loss of return it is at most "
-            f"{_rounded_up(share / (1 - self.discount))}, in units "
-            "of the best level's reward minus the worst level's."
+            f"The policy loses at most {_rounded_up(100 * share)}% of the value range at the worst "
+            f"state ({self._confidence_in_words()}).\n"
+            "100% would be to get the worst level for ever where the best could be had. As a loss "
+            f"of return it is at most {_rounded_up(share / (1 - self.discount))}, if the best "
+            "level's reward is 1 more than the worst level's."
         )
 
     def _confidence_in_words(self) -> str:

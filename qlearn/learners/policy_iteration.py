@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 from functools import partial
+from math import comb
 from typing import Unpack
 
 import numpy as np
@@ -17,7 +18,7 @@ from elicit._support.validation import require
 from elicit.asking.bags import Bags
 from elicit.asking.confirming import confirming_question
 from elicit.asking.cuts import CUTTING, closing_cut, closing_cut_of_one
-from elicit.asking.elicitation import Elicitation, Pair, Place
+from elicit.asking.elicitation import Elicitation, Pair
 from elicit.asking.magnified import AS_THEY_ARE, MAGNIFIED, Shown, magnified, multiples
 from elicit.asking.options import AskingOptions, check_options, filled
 from elicit.comparators.panel import Panel
@@ -65,6 +66,7 @@ from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 LARGE = 4000  # states up to which rounds are exact by default
+LEFT_OUT = "What both have in common is left out as far as it can be."
 
 
 class InteractivePolicyIteration(Learner):
@@ -192,16 +194,11 @@ class InteractivePolicyIteration(Learner):
             if len(rows := self._open_pairs(over)):
                 break
         else:
+            if mixtures := self._mixtures(over):
+                return self._elicitation.open([mixtures])
             self._end = Status.CALLED_EQUAL if self._elicitation.called_equal else Status.EXHAUSTED
             return ()
-        candidates = Candidates(
-            over.d[rows],
-            over.states[rows],
-            over.actions[rows],
-            TUNING.matters * self._enough,
-            self._elicitation.comparator,
-            self._times(over, rows),
-        )
+        candidates = self._candidates(over, rows)
         chosen = best(self._strategy, candidates, len(rows))
         if self._cuts:
             pair = self._cut(over, rows, candidates, candidates.d[chosen[0]])
@@ -308,6 +305,36 @@ class InteractivePolicyIteration(Learner):
             rows = rows[self._elicitation.may_ask(asked, lambda i: places(rows[i]))]
         return rows
 
+    def _candidates(self, over: Advantages, rows: NDArray[np.int64]) -> Candidates:
+        return Candidates(
+            over.d[rows],
+            over.states[rows],
+            over.actions[rows],
+            TUNING.matters * self._enough,
+            self._elicitation.comparator,
+            self._times(over, rows),
+        )
+
+    def _mixtures(self, over: Advantages) -> Pair | None:
+        """Return a question about a level and a mixture of two others.
+
+        It is for when each pair of actions that matters has been asked about, and the tutor may
+        have erred: asked again they might err again. None where such a question tells nothing of
+        the signs of the advantages in question, or where pairs are asked about as they are.
+        """
+        elicitation, k = self._elicitation, self._mdp.k
+        if not self._magnify or drawn_set(elicitation.comparator) is None or elicitation.gave_up:
+            return None
+        high = simultaneous_bounds(elicitation.comparator, over.d)[0]
+        rows = np.flatnonzero(high > elicitation.indifference)
+        if not len(rows) or k < 3:
+            return None
+        candidates = self._candidates(over, rows)
+        about = candidates.d[best(self._strategy, candidates, TUNING.signs)]
+        few = (days for days in TUNING.days if comb(k, 3) * (days - 1) <= TUNING.mixtures)
+        days = next(few, TUNING.days[-1])
+        return simple_pair(elicitation, Bags(days), candidates, about, self._labels)
+
     def _cut(
         self, over: Advantages, rows: NDArray[np.int64], candidates: Candidates, instead: Floats
     ) -> Pair | None:
@@ -393,7 +420,10 @@ class InteractivePolicyIteration(Learner):
         s, a = int(over.states[row]), int(over.actions[row])
         left = q_of(np.array([s]), over.v, model_of(self._mdp))[0, a]
         pair = pair_of(self._mdp, left, over.v[s], s, a, int(over.policy[s]), int(tier))
-        return magnified(pair) if self._magnify else pair
+        if not self._magnify:
+            return pair
+        named = self._place(over, row)
+        return magnified(pair._replace(about=named[0], place=named))
 
     def _times(self, over: Advantages, rows: NDArray[np.int64]) -> Floats | float:
         """Return by how much each row's difference is multiplied where it is asked about."""
@@ -402,9 +432,14 @@ class InteractivePolicyIteration(Learner):
         values = over.v[over.states[rows]]
         return multiples(values + over.d[rows], values)
 
-    def _place(self, over: Advantages, row: int) -> Place:
+    def _place(self, over: Advantages, row: int) -> tuple[str, str, tuple[int, int, int]]:
         state = int(over.states[row])
-        return place(self._mdp, state, int(over.actions[row]), int(over.policy[state]))
+        one, mirrored, numbers = place(
+            self._mdp, state, int(over.actions[row]), int(over.policy[state])
+        )
+        if self._magnify:
+            one, mirrored = f"{one} {LEFT_OUT}", f"{mirrored} {LEFT_OUT}"
+        return one, mirrored, numbers
 
 
 def _check_cuts(comparator: Comparator, bags: Bags | None, batch: int) -> None:

@@ -106,6 +106,25 @@ def indices(name: str, given: ArrayLike, shape: tuple[int, ...], count: int) -> 
     return array
 
 
+def levels(given: ArrayLike, shape: tuple[int, int], k: int) -> Indices:
+    """A copy of the levels of an MDP as int32. Raises TypeError, ValueError."""
+    dimensions = np.ndim(given) if isinstance(given, np.ndarray) else len(shape)
+    if dimensions == len(shape) + 1:
+        raise ValueError(
+            f"levels must have shape {shape}, a level for each state and action, not "
+            f"{np.shape(given)}: where the level hangs on the next state, add a state for each "
+            "outcome, and give that state the level"
+        )
+    array = numbers("levels", given, shape, whole=True)
+    wanted = (
+        f"must be in 0..{k - 1}, the number of a level from the worst on (rewards become levels by "
+        "rewards, levels = np.unique(rewards, return_inverse=True))"
+    )
+    found = _int32("levels", array)
+    reject("levels", found, (found < 0) | (found >= k), wanted)
+    return found
+
+
 def _int32(name: str, array: NDArray[Any], start: int = 0) -> Indices:
     """The array as int32; ``start`` as for ``reject``."""
     if array.dtype == np.int32:

@@ -102,7 +102,7 @@ class OrdinalMDP:
         n, m, b = probabilities.shape
         targets = checks.numbers("successors", self.successors, (n, m, b), whole=True)
         labels = checks.labels(self.labels)
-        levels = checks.indices("levels", self.levels, (n, m), len(labels))
+        levels = checks.levels(self.levels, (n, m), len(labels))
         holds = is_number(self.discount, 0) and float(self.discount) < 1
         require(holds, "discount", "a number in [0, 1)", self.discount)
         discount = float(self.discount)

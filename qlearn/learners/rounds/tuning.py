@@ -20,6 +20,10 @@ class Tuning:
     (1 - discount), a fifth more questions were asked."""
 
     signs: int = 12  # advantages, the best to ask about, whose signs a simple question should tell
+    # mixtures of levels, asked about once all pairs are: the days of one, the first of which there
+    # are not too many questions to weigh
+    days: tuple[int, ...] = (60, 24, 12, 6, 4, 2)
+    mixtures: int = 5000
     # cuts are asked if at most this weight of the scales sees a better action
     undecided: float = 0.25
     confirming: float = 0.5  # the same for questions that confirm answers which may be wrong

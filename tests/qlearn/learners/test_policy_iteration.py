@@ -587,3 +587,27 @@ def test_magnified_differences_are_told_apart_by_a_tutor_who_errs_where_little_i
     assert asked[None] < asked["as they are"]
     with pytest.raises(ValueError, match="bags must be None, 'magnified', 'as they are' or an"):
         InteractivePolicyIteration(mdp, PosteriorComparator(4), bags="large")
+
+
+def wear_and_tear() -> OrdinalMDP:
+    """A machine of four states that wears out: few pairs to ask about."""
+    run = [[0.6, 0.3, 0.1, 0.0], [0.0, 0.5, 0.3, 0.2], [0.0, 0.0, 0.5, 0.5], [0.0, 0.0, 0.0, 1.0]]
+    renew = [[1.0, 0.0, 0.0, 0.0]] * 4
+    transitions = np.stack([run, renew], axis=1)
+    levels = np.array([[2, 1], [2, 1], [2, 1], [0, 1]])
+    return OrdinalMDP.from_dense(transitions, levels, 0.95, ["down", "in repair", "running"])
+
+
+@pytest.mark.parametrize("error", [0.0, 0.1])
+def test_where_pairs_are_few_mixtures_of_levels_are_asked_about_next(error: float) -> None:
+    mdp, ended = wear_and_tear(), []
+    for seed, value in enumerate(np.linspace(0.15, 0.85, 8)):
+        tutor = FlippingTutor([0.0, value, 1.0], error_rate=error, seed=seed)
+        learner = InteractivePolicyIteration(mdp, PosteriorComparator(3, seed=seed), tolerance=0.01)
+        result = drive(learner, tutor, seed=seed)
+        ended.append(result.status)
+        as_they_are = InteractivePolicyIteration(
+            mdp, PosteriorComparator(3, seed=seed), tolerance=0.01, bags="as they are"
+        )
+        assert drive(as_they_are, tutor, seed=seed).asked <= 4  # its pairs are soon all asked about
+    assert ended.count(Status.CONVERGED) >= 7
