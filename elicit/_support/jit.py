@@ -22,7 +22,7 @@ from functools import cache, cached_property, update_wrapper
 from pathlib import Path
 from threading import Lock, Timer, local
 from time import monotonic, thread_time
-from types import CodeType, FunctionType, SimpleNamespace
+from types import CodeType, FunctionType, ModuleType, SimpleNamespace
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -295,12 +295,8 @@ def _names_in(place: Path) -> frozenset[str]:
 def _made(function: F, **options: Any) -> F:
     options = {"error_model": "numpy", "no_cfunc_wrapper": True, **options}
     usual, file = _settings.CACHE_DIR, Path(function.__code__.co_filename)
-    home = _package_of(file)
-    _PACKAGES.add(home)  # what this function calls was imported, and is known here, before it
-    packages = (
-        {_HOME} if home == _HOME else _PACKAGES
-    )  # this one calls nothing of the others, whatever was imported
-    _settings.CACHE_DIR = place = _cache_of(usual, file.parent, frozenset(packages))
+    packages = frozenset(_packages_called(function, _package_of(file)))
+    _settings.CACHE_DIR = place = _cache_of(usual, file.parent, packages)
     try:
         made: Any = njit(cache=True, **options)(function)
     except RuntimeError:  # nowhere to keep it
@@ -319,8 +315,27 @@ def _package_of(file: Path) -> Path:
     return folder
 
 
+def _packages_called(function: Callable[..., Any], home: Path) -> set[Path]:
+    """Return the packages whose code a function of ``home`` may call.
+
+    They are its own, this one, and those that its module has imported compiled functions or modules
+    of. What else a process has imported makes no difference: a program with compiled functions of
+    its own would compile everybody's again.
+    """
+    found = _PACKAGES.setdefault(home, {_HOME, home})
+    for value in function.__globals__.values() if home != _HOME else ():
+        if isinstance(value, Compiled):
+            called = _package_of(Path(value._function.__code__.co_filename))
+        elif isinstance(value, ModuleType) and getattr(value, "__file__", None):
+            called = _package_of(Path(str(value.__file__)))
+        else:
+            continue
+        found |= _PACKAGES.get(called, set())
+    return found
+
+
 _HOME = _package_of(Path(__file__))
-_PACKAGES: set[Path] = {_HOME}
+_PACKAGES: dict[Path, set[Path]] = {_HOME: {_HOME}}
 _OURS: set[Any] = set()
 
 
@@ -328,9 +343,8 @@ _OURS: set[Any] = set()
 def _cache_of(usual: str, folder: Path, packages: frozenset[Path]) -> str:
     """Return where to keep the machine code of a folder's functions.
 
-    Each state of the sources, of whole packages, has a place of its own, so that it does not depend
-    on what was imported first. numba looks for changes in a function's own file only, not in the
-    files of the functions it calls.
+    Each state of the sources, of whole packages, has a place of its own. numba looks for changes in
+    a function's own file only, not in the files of the functions it calls.
     """
     sources = {path: path.read_bytes() for home in packages for path in home.rglob("*.py")}
     digest = hashlib.blake2b(digest_size=8)

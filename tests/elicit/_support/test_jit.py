@@ -11,6 +11,7 @@ import pytest
 
 from elicit import Answers, BradleyTerryTutor, FlippingTutor, PolytopeComparator, decide
 from elicit._support import jit
+from qlearn.mdp.backup import back_up_all
 from tests.interpreter import report_of, run
 from tests.lp_cases import cases
 from tests.thoroughness import thorough
@@ -104,6 +105,13 @@ def test_what_else_was_imported_before_makes_no_difference_to_where_ours_is_kept
     run("import helper; " + code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "kept"))
     assert len(kept) >= 1
     assert set((tmp_path / "kept").rglob("*.nbi")) == kept
+
+
+def test_where_qlearn_is_kept_depends_on_no_other_package(tmp_path: Path) -> None:
+    (tmp_path / "helper.py").write_text(HELPER.format(1))
+    code = "from qlearn.mdp.backup import back_up_all; print(back_up_all._place)"
+    with_helper = run("import helper; " + code, tmp_path)
+    assert with_helper == [str(back_up_all._place)]  # here, tests are such packages too
 
 
 def test_a_place_for_each_state_of_the_sources(tmp_path: Path) -> None:

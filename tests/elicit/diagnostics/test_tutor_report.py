@@ -275,7 +275,7 @@ def test_reports_on_next_to_nothing():
 
 
 def test_a_report_is_a_function_of_its_arguments():
-    answers = a_log()
+    answers = a_log(n=16)
     first = tutor_report(answers, particles=FAST, seed=1)
     assert repr(tutor_report(answers, particles=FAST, seed=1)) == repr(first)
     assert tutor_report(answers, particles=FAST, seed=2).lapse != first.lapse

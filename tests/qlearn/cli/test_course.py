@@ -493,6 +493,7 @@ def test_the_welcome_says_what_each_budget_will_likely_prove() -> None:
         )
 
 
+@pytest.mark.slow
 def test_prospects_agree_with_expected_bounds() -> None:
     told = taught(tolerance=0.001)
     with Session(told.make, AnswerLog()) as session:

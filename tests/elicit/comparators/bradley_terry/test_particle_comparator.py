@@ -1069,7 +1069,7 @@ def chance_by_prior_draws(answers: Answers, d: Floats, tie: float, draws: int = 
     return np.asarray(left(d) @ weights / weights.sum())
 
 
-@pytest.mark.parametrize("ties", [0.0, 0.3])
+@pytest.mark.parametrize("ties", [0.3, pytest.param(0.0, marks=pytest.mark.slow)])
 def test_the_probability_of_an_answer_is_that_of_a_plain_sampler(ties):
     rng = np.random.default_rng(11)
     answers = answered(rng, pairs(rng, 4, 25), rng.dirichlet(np.ones(3)), 15.0, 0.1, ties)

@@ -111,7 +111,7 @@ def plain_metropolis(
     }
 
 
-@pytest.mark.parametrize("ties", [False, True])
+@pytest.mark.parametrize("ties", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_the_posterior_is_that_of_a_plain_sampler(ties: bool) -> None:
     people = {
         "ann": (60.0, 0.05, 0.08 if ties else 0.0),
@@ -143,13 +143,13 @@ def test_the_posterior_is_that_of_a_plain_sampler(ties: bool) -> None:
 FIVE = ("ann", "ben", "chen", "dora", "eve")
 
 
+@pytest.mark.slow
 def test_a_rater_at_random_hardly_moves_the_scale() -> None:
-    # of few seeds the ratio is rough, most of all where eve moves either scale little
-    seeds, each = range(scaled(4, 20)), scaled(20, 40)
+    seeds, each = range(20), 40
     pooled, apart = (
         np.mean([moved(seed, each, raters=raters) for seed in seeds]) for raters in (False, True)
     )
-    assert apart < scaled(0.4, 0.2) * pooled
+    assert apart < 0.2 * pooled
 
 
 def test_says_who_is_reliable() -> None:
@@ -182,7 +182,7 @@ def test_says_who_is_reliable() -> None:
 
 
 def test_intervals_hold_the_truth_about_as_often_as_they_say() -> None:
-    held, n = 0, scaled(10, 40)
+    held, n = 0, scaled(5, 40)
     for seed in range(n):
         rng = np.random.default_rng(seed)
         common = rng.normal(PRECISION[0], 0.5)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
@@ -16,6 +16,7 @@ import qlearn
 from elicit import Answer, Answers, InconsistentAnswers, OpenOrderComparator, Verdict
 from elicit.person.findings import scale_rows
 from elicit.testing import check_comparator
+from tests.thoroughness import examples
 
 MARGIN = 1e-6
 
@@ -66,7 +67,7 @@ def test_it_conforms(unordered: tuple[int, int]) -> None:
     check_comparator(OpenOrderComparator(4, unordered))
 
 
-@settings(max_examples=40, deadline=None)
+@examples(80)
 @given(st.integers(0, 10**6), st.integers(3, 5), st.booleans())
 def test_bounds_and_verdicts_are_those_of_both_orders_together(
     seed: int, k: int, swap: bool

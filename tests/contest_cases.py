@@ -1,0 +1,7 @@
+"""Which methods of the contest are tried in a quick run."""
+
+from benchmarks.contest.methods import METHODS
+from tests.thoroughness import quick_first
+
+_QUICK = ("ours: posterior", "minimax regret: current solution", "random pairs")
+TRIED = quick_first([*_QUICK, *(name for name in METHODS if name not in _QUICK)], len(_QUICK))
