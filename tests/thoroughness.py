@@ -11,7 +11,7 @@ from hypothesis import settings
 T = TypeVar("T")
 
 QUICK, SLOW = "quick", "slow"
-settings.register_profile(QUICK, max_examples=20, deadline=None)
+settings.register_profile(QUICK, max_examples=10, deadline=None)
 settings.register_profile(SLOW, max_examples=100, deadline=None)
 
 

@@ -9,7 +9,7 @@ from benchmarks.contest import run as contest
 from benchmarks.contest.harness import as_seed, play
 from benchmarks.contest.methods import METHODS
 from benchmarks.contest.small_mdp import SmallMDP
-from tests.contest_cases import TRIED
+from tests.rival_cases import TRIED
 
 ONE, TWO = {"promising": 1, "others": 1}, {"promising": 2, "others": 2}
 CELL = {"problem": "career", "tutor": "flips", "seed": 5, "questions": 6}

@@ -16,7 +16,7 @@ from benchmarks.contest.methods.minimax_regret import MinimaxRegret
 from benchmarks.contest.methods.policy_comparisons import PolicyComparisons
 from benchmarks.contest.methods.polyhedral import Polyhedral
 from benchmarks.contest.small_mdp import SmallMDP, drawn_gaps, tails_of
-from tests.contest_cases import TRIED
+from tests.rival_cases import TRIED
 from tests.thoroughness import scaled
 
 TRUTHFUL = problems.TUTORS["truthful"]

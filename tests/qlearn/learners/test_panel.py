@@ -22,6 +22,7 @@ from elicit import (
     choose,
 )
 from qlearn import drive
+from tests.thoroughness import scaled
 
 K = 4
 MDP, _ = qlearn.random_mdp(12, 3, K, discount=0.9, seed=3)
@@ -32,7 +33,7 @@ LEARNERS = {
     "policy": partial(qlearn.InteractivePolicyIteration, tolerance=0.01),
     "value": partial(qlearn.InteractiveValueIteration, tolerance=0.01),
     "late value": partial(qlearn.LateValueIteration, tolerance=0.01),
-    "q": partial(qlearn.InteractiveQLearning, steps=1500, indifference=0.002),
+    "q": partial(qlearn.InteractiveQLearning, steps=scaled(500, 1500), indifference=0.002),
 }
 
 

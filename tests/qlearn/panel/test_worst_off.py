@@ -14,7 +14,7 @@ from qlearn import cost_of_following, policy_for_the_worst_off
 from qlearn.panel.following import cost_of_following_a_choice
 from tests.mdp_cases import messy_mdp
 from tests.own_cases import Exact
-from tests.thoroughness import examples
+from tests.thoroughness import examples, scaled
 
 
 def scales_of(k, n, seed):
@@ -68,7 +68,7 @@ def test_its_greatest_loss_is_that_of_the_weights_least_kind_to_it(seed):
     found = policy_for_the_worst_off(mdp, exact(scales))
     optima = [mdp.initial @ qlearn.value_iteration(mdp, values)[0] for values in scales.values()]
     least = []
-    for share in np.linspace(0, 1, 401):
+    for share in np.linspace(0, 1, scaled(101, 401)):
         weights = np.array([share, 1 - share])
         mixed = weights @ np.stack([*scales.values()])
         least.append(weights @ optima - mdp.initial @ qlearn.value_iteration(mdp, mixed)[0])

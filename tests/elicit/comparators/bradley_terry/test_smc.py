@@ -24,7 +24,7 @@ from elicit.comparators.bradley_terry.particle_comparator import LAPSE
 from elicit.model.difference import tail_sums
 from tests.interpreter import report_of
 from tests.noisy_cases import MEAN, SD, Floats, Rng, log_gaps, log_terms, prior_of
-from tests.thoroughness import examples
+from tests.thoroughness import examples, scaled
 
 
 def prior_draws(
@@ -411,7 +411,7 @@ def test_moves_leave_a_posterior_as_it_is(lapse: float | None, tie: float, last:
     rng = np.random.default_rng(7)
     prior, laws = learning(prior_of(4, lapse=lapse), lapse is None, tie)
     rows, tied = rows_of(rng, 4, 12)
-    x = prior_draws(rng, 3, 600_000 if tie else 150_000, laws=laws)
+    x = prior_draws(rng, 3, scaled(300_000, 600_000) if tie else 150_000, laws=laws)
     powers = np.r_[np.ones(11), last]
     logs = log_terms(np.exp(x[:, :3]), rows.T, tied, *lapses_and_widths(x, 3, prior)) @ powers
     w = np.exp(logs - logs.max())
