@@ -1,14 +1,14 @@
 """A page says how it was made, and of which sources: what counts among them, and what does not."""
 
-import ast
 import json
+import re
 import sys
 from pathlib import Path
 
 import pytest
 
 from benchmarks import evidence, stamps
-from benchmarks.evidence import Page
+from benchmarks.evidence import PAGES, ROOT, Page
 from benchmarks.stamps import Stamp
 
 NOW = Stamp("python -m benchmarks.x --out x.md", "0-19", "2026-01-31", "0123456789")
@@ -44,115 +44,71 @@ def test_what_is_written_in_a_test_is_not_stamped(tmp_path):
 
 @pytest.fixture
 def project(tmp_path, monkeypatch):
-    """A program of benchmarks that imports what imports something else, within a function."""
+    """A program in a folder of benchmarks, beside the code that it may run."""
     monkeypatch.setattr(stamps, "ROOT", tmp_path)
     files = {
-        "benchmarks/program.py": '"""What it is."""\n\ndef main():\n    from elicit.near import '
-        "one\n    return one\n",
-        "elicit/near.py": "import numpy\nimport elicit.far\n\none = elicit.far.two  # that\n",
-        "elicit/far.py": "two = 2\n",
-        "elicit/other.py": "three = 3\n",
+        "benchmarks/asking/program.py": '"""What it is."""\n\ndef main():\n    return 1\n',
+        "benchmarks/learning/helper.py": "one = 1\n",
+        "benchmarks/pages.toml": '[[page]]\npath = "x.md"\nminutes = 1\n'
+        'command = "benchmarks.asking.program --out x.md"\nsources = ["benchmarks/learning"]\n',
+        "elicit/near.py": "two = 2  # that\n",
+        "qlearn/mdp/far.py": "three = 3\n",
+        "benchmarks/fitting/other.py": "four = 4\n",
     }
     for name, text in files.items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).parent.mkdir(exist_ok=True, parents=True)
         (tmp_path / name).write_text(text)
     return tmp_path
 
 
 def changed(path: Path, old: str, new: str) -> str:
-    """The hash of the program's sources with another text in one of them."""
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new))
-    stamps._module.cache_clear()  # which goes by the time of change, and that has its grain
-    return stamps.sources("benchmarks.program")
+    stamps._code_of.cache_clear()  # a file system may count time in whole milliseconds
+    found = stamps.sources("benchmarks.asking.program")
+    path.write_text(text)
+    stamps._code_of.cache_clear()
+    return found
 
 
-def test_code_counts_wherever_it_is_imported_from_and_words_do_not(project):
-    first = stamps.sources("benchmarks.program")
-    assert changed(project / "elicit/other.py", "3", "4") == first
+def test_the_code_of_a_program_is_that_of_its_folder_and_of_what_the_manifest_names(project):
+    first = stamps.sources("benchmarks.asking.program")
+    counts = {
+        "elicit/near.py": "2",
+        "qlearn/mdp/far.py": "3",
+        "benchmarks/asking/program.py": "1",
+        "benchmarks/learning/helper.py": "1",
+    }
+    assert first not in {changed(project / name, old, "7") for name, old in counts.items()}
+    assert changed(project / "benchmarks/fitting/other.py", "4", "7") == first
+    assert changed(project / "benchmarks/asking/program.py", "What it is", "Words") == first
     assert changed(project / "elicit/near.py", "# that", "# this") == first
-    assert changed(project / "benchmarks/program.py", "What it is", "Said better") == first
-    further = changed(project / "elicit/far.py", "2", "3")
-    assert further != first
-    assert changed(project / "benchmarks/program.py", "return one", "return one + 1") not in (
-        first,
-        further,
-    )
-    assert changed(project / "elicit/far.py", "3", "2") != first
+    (project / "elicit" / "new.py").write_text("")
+    assert stamps.sources("benchmarks.asking.program") != first
 
 
-def test_a_docstring_is_no_code_but_a_string_is():
-    said, unsaid = (
-        stamps._told(ast.parse(f"def f(x=1):\n    {text}return 'a'\n"))
-        for text in ("'Says.'\n    ", "")
-    )
-    assert said == unsaid
-    assert "'a'" in said
-    assert stamps._told(ast.parse("f(x=0)")) != stamps._told(ast.parse("f(x=1)"))
+def test_every_source_of_the_manifest_is_there():
+    named = {source for page in PAGES for source in page.sources}
+    assert named
+    assert all((ROOT / source).exists() for source in named)
 
 
-def test_a_lazy_name_leads_to_its_module_and_only_to_that():
-    tree = ast.parse(
-        "import elicit\nimport qlearn\nelicit.PolytopeComparator(3), qlearn.strategies.max_regret"
-    )
-    assert set(stamps._imported(tree)) == {
-        "elicit.comparators.polytope.comparator",
-        "qlearn.learners.query_strategies",
-    }
-    tree = ast.parse(
-        "from elicit import Answer, plot\nfrom qlearn import drive\nfrom benchmarks.training "
-        "import terrain"
-    )
-    assert set(stamps._imported(tree)) == {
-        "elicit.model.query",
-        "elicit.plot",
-        "qlearn.learners.learner",
-        "benchmarks.training.terrain",
-    }
-
-
-def test_what_only_compiles_is_of_no_number(monkeypatch):
-    met = []
-    read = stamps._module
-    monkeypatch.setattr(
-        stamps, "_module", lambda name, changed: met.append(name) or read(name, changed)
-    )
-    stamps.sources("qlearn")  # figures, whose catalogue knows all learners
-    assert {
-        "qlearn.experiments.catalogue",
-        "qlearn.learners.q_learning",
-        "qlearn.learners.policy_iteration",
-    } <= {*met}
-    assert "qlearn.experiments.compile_ahead" not in met
-    met.clear()
-    stamps.sources("benchmarks.asking.certificates")
-    assert "qlearn.learners.policy_iteration" in met
-
-
-def test_what_reads_the_runs_is_of_no_number_in_them(monkeypatch):
-    met = []
-    read = stamps._module
-    monkeypatch.setattr(
-        stamps, "_module", lambda name, changed: met.append(name) or read(name, changed)
-    )
-    (table,) = (
-        page for page in evidence.PAGES if page.copy_of
-    )  # which is what is kept of `qlearn figures`
-    assert table.sources
-    assert "qlearn.paper.figure_runs" in met
-    assert not {*stamps.AFTERWARDS["qlearn"]} & {*met}
-    met.clear()
-    stamps.sources("qlearn.paper.figure_runs")  # what makes the runs has no use for these
-    assert not {*stamps.AFTERWARDS["qlearn"]} & {*met}
-    stamps.sources("benchmarks.paper.figure_pages")
-    assert "qlearn.paper.claims" in met
+def test_a_program_imports_no_folder_of_benchmarks_that_is_not_among_its_sources():
+    other = re.compile(r"^\s*from benchmarks\.(\w+)", re.MULTILINE)
+    for page in PAGES:
+        if page.command.startswith("benchmarks."):
+            file = ROOT.joinpath(*page.command.split()[0].split(".")).with_suffix(".py")
+            found = {*other.findall(file.read_text(encoding="utf-8"))}
+            folders = {name for name in found if (ROOT / "benchmarks" / name).is_dir()}
+            assert folders <= {file.parent.name, *(Path(each).name for each in page.sources)}
 
 
 def test_a_notebook_is_of_its_cells_and_of_the_tables_that_it_reads(tmp_path, monkeypatch):
     monkeypatch.setattr(stamps, "ROOT", tmp_path)
     page, data = tmp_path / "notebooks" / "x.ipynb", tmp_path / "notebooks" / "data"
     data.mkdir(parents=True)
+    monkeypatch.setattr(stamps, "EVERYWHERE", ())
 
     def of(code: str, words: str = "", read: str = "1", unread: str = "1") -> str:
         cells = [
@@ -173,7 +129,6 @@ def test_a_notebook_is_of_its_cells_and_of_the_tables_that_it_reads(tmp_path, mo
 def pages(tmp_path, monkeypatch):
     """Two pages, the second of a program that fails, which a stand-in for their programs writes."""
     monkeypatch.setattr(evidence, "ROOT", tmp_path)
-    monkeypatch.setattr(Page, "sources", property(lambda page: "0123456789"))
     found = (
         Page("a.md", "program a", 1),
         Page("b.md", "program b", 1),
@@ -205,14 +160,14 @@ def test_what_is_stale_is_made_again_and_what_fails_or_cannot_be_is_said(pages, 
     assert pages == ["a", "b"]
     told = capsys.readouterr().out
     assert "a.md is current" in told
-    assert [line.split()[0] for line in told.splitlines()[1:]] == ["b.md", "c.md"]
+    assert [line.split(":")[0] for line in told.splitlines()[1:-1]] == ["b", "c"]
     assert evidence.main(["--only", "a", "--fresh"]) == 0
     assert pages == ["a", "b", "a"]
 
 
-@pytest.mark.parametrize("options", [[], ["--list"], ["--only", "a", "--list"]])
+@pytest.mark.parametrize("options", [[], ["--stale", "--only", "a"]])
 def test_hours_of_work_are_not_begun_unless_that_is_said(options, pages, capsys):
-    assert evidence.main(options) == 0
+    assert evidence.main(options) == bool(options)
     told = capsys.readouterr().out
     assert "a: not stamped; 1 min: python -m program a\n" in told
     assert f"--all makes the {1 if 'a' in options else 3} that are stale again, in about" in told
@@ -224,7 +179,7 @@ def test_hours_of_work_are_not_begun_unless_that_is_said(options, pages, capsys)
 
 def test_a_copy_is_stamped_with_the_sources_of_when_it_was_begun(tmp_path, monkeypatch):
     monkeypatch.setattr(evidence, "ROOT", tmp_path)
-    page = Page("copy.md", "program", 1, (), "out.md", "0-3")
+    page = Page("copy.md", "program", 1, copy_of="out.md", seeds="0-3")
     hashes = iter(["at first", "afterwards"])
     monkeypatch.setattr(evidence.stamps, "sources", lambda program: next(hashes))
 
