@@ -16,13 +16,13 @@ import hashlib
 import math
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache, cached_property, update_wrapper
 from pathlib import Path
 from threading import Lock, Timer, local
 from time import monotonic, thread_time
-from types import CodeType, FunctionType, ModuleType, SimpleNamespace
+from types import CodeType, FunctionType, MappingProxyType, ModuleType, SimpleNamespace
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -77,6 +77,18 @@ def for_each_number(function: F) -> F:
     return made
 
 
+def written_out(function: F) -> F:
+    """Compile a function into each place that calls it.
+
+    It is ``compiled`` for parts of loops that take so many arrays that to hand them over in a call,
+    each one counted, would cost more than the work.
+    """
+    made = _made(function)
+    if isinstance(made, Compiled):
+        made.targetoptions, made.py_func = {"inline": "always"}, function
+    return made
+
+
 def compiled_beside(stand_in: Callable[..., Any]) -> Callable[[F], F]:
     """Compile a function, and call another one in its place until then.
 
@@ -120,6 +132,9 @@ class Compiled:
     """
 
     literal = False  # whether numbers that stand in a call have versions of their own
+    # numba reads these two: whether, and which code, to write out where the function is called
+    targetoptions: Mapping[str, str] = MappingProxyType({})
+    py_func: Callable[..., Any]
     patient = not os.environ.get("ELICIT_COMPILE_FIRST")
 
     def __init__(self, function: Callable[..., Any], machine: Any, place: Path) -> None:

@@ -1,5 +1,9 @@
-"""What every compiled loop does with one pair of vectors: its difference, the verdict on it, and a
-record of both.
+"""The pair step of every compiled loop: a pair's difference, the verdict on it, and a record of
+both.
+
+``glance`` and ``decide`` are that step, for ``q_learning_kernel.advance`` and
+``state_sweep_kernel.sweep``. They are written out there: these loops hold some sixty arrays, and to
+hand them over would cost more than most verdicts.
 
 Many comparisons differ little from one that was settled before: the same two actions, whose vectors
 have moved since. So a verdict that took a proof leaves a *certificate*: a vector f with f.g >= 0
@@ -19,12 +23,13 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from elicit._support.jit import compiled
+from elicit._support.jit import compiled, written_out
 from elicit.asking.elicitation import Elicitation
-from elicit.asking.elicitation_kernel import AskingRule, Judgement
+from elicit.asking.elicitation_kernel import AskingRule, Judgement, judge_pair
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.comparator_rule import Rule, outlasts_answers, rule_of
-from elicit.lp.sign_proofs import BY_SCREEN, BY_SIMPLEX
+from elicit.decision.judge_kernel import certifies
+from elicit.lp.sign_proofs import BY_DOMINANCE, BY_EQUAL, BY_SCREEN, BY_SIMPLEX
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.difference import tail_sums
 from elicit.model.difference_kernel import EQUAL, UNKNOWN, UNSETTLED, by_range
@@ -45,6 +50,7 @@ BY_KNOWN, BY_TUTOR = int(Tier.KNOWN), int(Tier.TUTOR)
 _KEPT_AT_ONCE = 4096  # comparisons handed to a watcher at once
 _TOLD_AT_ONCE = 1024  # answers handed to the elicitation at once, at most
 USED, ROOM = 0, 1  # what ``Told.fill`` holds
+OPEN = -1  # the tier of a pair that is not decided yet
 
 
 class Certificates(NamedTuple):
@@ -205,6 +211,55 @@ class PairJudge:
             self.certificates.verdicts[:] = 0
 
 
+@written_out
+def glance(
+    q: Any,
+    s: int,
+    a: int,
+    b: int,
+    row: int,
+    d: Any,
+    t: Any,
+    dominance: bool,
+    plain: bool,
+    certificates: Certificates,
+) -> tuple[int, int]:
+    """Decide Q(s, a) against Q(s, b) of q (S, A, k) if that takes no proof: verdict and tier.
+
+    It goes by eq. (4), or by the row's certificate. The tier is OPEN if the oracle, where there is
+    one, or else ``decide`` has to go on. Writes the difference into d (k,), its tail sums into t
+    (p,).
+    """
+    limits, sides, tiers = certificates
+    verdict, tier = difference(q, s, a, b, d, t), OPEN
+    if verdict == EQUAL:
+        tier = BY_EQUAL
+    elif dominance and verdict != UNKNOWN:
+        tier = BY_DOMINANCE
+    elif plain and sides[row] != 0 and certifies(limits, row, sides[row], t):
+        verdict, tier = sides[row], tiers[row]
+    return verdict, tier
+
+
+@written_out
+def decide(
+    q: Any, s: int, a: int, b: int, row: int, d: Any, t: Any, judging: Judging
+) -> tuple[int, int]:
+    """Decide what ``glance`` has left open: verdict and tier.
+
+    It goes by the comparator's rule, and by the tutor who can be asked within the loop. UNKNOWN is
+    for Python to ask, UNSETTLED for the elicitation to decide; with the tier OPEN it means that
+    what was kept must be handed over first. Overwrites t unless there is a verdict of the tutor.
+    """
+    sums, least = np.empty(len(t)), np.empty(len(t))
+    judged = judge_pair(d, t, sums, least, judging.rule, judging.asking)
+    verdict, tier = certify(judged, least, row, judging.certificates)
+    if verdict == UNKNOWN and judging.told.fill[ROOM] > 0:
+        difference(q, s, a, b, d, t)
+        verdict, tier = put(q, s, a, b, t, judging)
+    return verdict, tier
+
+
 @compiled
 def difference(q: Any, s: int, a: int, b: int, d: Any, t: Any) -> int:
     """Q(s, a) - Q(s, b) of q (S, A, k) into d (k,), its tail sums into t (p,), and their verdict by
@@ -240,22 +295,21 @@ def certify(judged: Judgement, least: Any, row: int, certificates: Certificates)
 
 
 @compiled
-def full(kept: Kept, fill: Any) -> bool:
+def full(used: Any, room: int, fill: Any) -> bool:
     """Whether what was kept or told must be handed over before another pair is judged: there may be
-    no more of it, or the comparator has learned something. ``fill`` is that of ``Told``."""
-    watched = len(kept.tiers) > 0 and kept.used[0] == len(kept.tiers)
-    return bool(watched or (fill[USED] > 0 and fill[USED] == fill[ROOM]))
+    no more of it, or the comparator has learned something. ``used`` (1,) of ``room`` comparisons
+    are kept, and ``fill`` is that of ``Told``."""
+    return bool((used[0] == room and room > 0) or (fill[USED] > 0 and fill[USED] == fill[ROOM]))
 
 
 @compiled
 def put(q: Any, s: int, a: int, b: int, t: Any, judging: Judging) -> tuple[int, int]:
     """Put a pair with tail sums t (p,) that is left open to the tutor: verdict and tier. UNKNOWN
-    where Python has to ask. UNSETTLED where what was kept must be handed over first, for whoever
-    watches may want to know what was decided before the tutor's first error."""
+    where Python has to ask. UNSETTLED and OPEN where what was kept must be handed over first, for
+    whoever watches may want to know what was decided before the tutor's first error. There must be
+    room for an answer."""
     kept, tutor, told = judging.kept, judging.tutor, judging.told
     fill = told.fill
-    if fill[ROOM] == 0:
-        return UNKNOWN, BY_TUTOR
     mark, near = mark_of(t), near_to(t)
     reach = marks_within(near, len(t))
     for row in range(fill[USED]):
@@ -268,7 +322,7 @@ def put(q: Any, s: int, a: int, b: int, t: Any, judging: Judging) -> tuple[int, 
         and len(kept.tiers) > 0
         and kept.used[0] > 0
     ):
-        return UNSETTLED, BY_TUTOR
+        return UNSETTLED, OPEN
     row = fill[USED]
     verdict = respond(t, tutor)
     if verdict == UNSETTLED:

@@ -15,20 +15,10 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing import mix, unit
 from elicit._support.jit import compiled
-from elicit.asking.elicitation_kernel import judge_pair
-from elicit.decision.judge_kernel import certifies
-from elicit.lp.sign_proofs import BY_DOMINANCE, BY_EQUAL
-from elicit.model.difference_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED
+from elicit.lp.sign_proofs import BY_DOMINANCE
+from elicit.model.difference_kernel import BETTER, UNKNOWN, UNSETTLED
 from elicit.tutors.simulated_kernel import NOBODY, respond
-from qlearn.learners.action_pair_kernel import (
-    BY_TUTOR,
-    Judging,
-    certify,
-    difference,
-    full,
-    keep,
-    put,
-)
+from qlearn.learners.action_pair_kernel import BY_TUTOR, OPEN, Judging, decide, full, glance, keep
 
 DONE, ASK, DEFER, FULL = range(4)
 EXPLORE, ACTION, TRANSITION, RESTART, FIRST_BEST, AUDITS = (
@@ -93,11 +83,12 @@ def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
     ASK where only the tutor can settle it and DEFER where perhaps the elicitation can.
     """
     rule, asking, oracle, certificates, kept, _, told = judging
-    limits, verdict_of, tier_of = certificates
+    dominance, plain, fill = rule.dominance, asking.plain, told.fill
+    turns = oracle.kind != NOBODY
+    used, room = kept.used, len(kept.tiers)
     q, best, cursor, decided = state.q, state.best, state.cursor, state.decided
-    actions, plain, fill = model.actions, asking.plain, told.fill
-    m, k = q.shape[1:]
-    d, t, work, least = np.empty(k), np.empty(k - 1), np.empty(k - 1), np.empty(k - 1)
+    actions, (m, k) = model.actions, state.q.shape[1:]
+    d, t = np.empty(k), np.empty(k - 1)
     while True:
         if cursor[POSITION] == IDLE:
             if cursor[STEP] >= model.steps:
@@ -109,32 +100,31 @@ def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
             incumbent = best[s]
             if challenger != incumbent:
                 if verdict == UNKNOWN:
-                    verdict, row = difference(q, s, challenger, incumbent, d, t), s * m + challenger
-                    if verdict == EQUAL or (rule.dominance and verdict != UNKNOWN):
-                        tier = BY_EQUAL if verdict == EQUAL else BY_DOMINANCE
-                    else:
-                        if full(kept, fill):
-                            return FULL
-                        if oracle.kind != NOBODY:
-                            verdict, tier = respond(t, oracle), BY_TUTOR
-                        elif (
-                            plain
-                            and verdict_of[row] != 0
-                            and certifies(limits, row, verdict_of[row], t)
-                        ):
-                            verdict, tier = verdict_of[row], tier_of[row]
-                        else:
-                            judged = judge_pair(d, t, work, least, rule, asking)
-                            verdict, tier = certify(judged, least, row, certificates)
-                            if verdict == UNKNOWN:
-                                difference(q, s, challenger, incumbent, d, t)
-                                verdict, tier = put(q, s, challenger, incumbent, t, judging)
-                                if verdict == UNSETTLED:
-                                    return FULL
-                        if verdict in (UNSETTLED, UNKNOWN):
-                            return DEFER if verdict == UNSETTLED else ASK
-                        if len(kept.tiers) > 0:
-                            keep(d, verdict, tier, kept)
+                    if full(used, room, fill):
+                        return FULL
+                    row = s * m + challenger
+                    verdict, tier = glance(
+                        q,
+                        s,
+                        challenger,
+                        incumbent,
+                        row,
+                        d,
+                        t,
+                        dominance,
+                        plain,
+                        certificates,
+                    )
+                    if tier == OPEN and turns:
+                        verdict, tier = respond(t, oracle), BY_TUTOR
+                    elif tier == OPEN:
+                        verdict, tier = decide(q, s, challenger, incumbent, row, d, t, judging)
+                    if verdict == UNSETTLED:
+                        return FULL if tier == OPEN else DEFER
+                    if verdict == UNKNOWN:
+                        return ASK
+                    if tier > BY_DOMINANCE and room > 0:
+                        keep(d, verdict, tier, kept)
                     decided[tier] += 1
                 if verdict == BETTER:  # Alg. 2, l. 7 and 15; equal keeps the incumbent
                     best[s] = challenger

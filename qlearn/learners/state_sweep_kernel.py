@@ -12,14 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.jit import unlocked
-from elicit.asking.elicitation_kernel import judge_pair
-from elicit.decision.judge_kernel import certifies
-from elicit.lp.sign_proofs import BY_DOMINANCE, BY_EQUAL
 from elicit.model.comparator import Tier
-from elicit.model.difference_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED
+from elicit.model.difference_kernel import BETTER, UNKNOWN, UNSETTLED
 from elicit.model.scale import Floats
 from elicit.tutors.simulated_kernel import NOBODY, respond
-from qlearn.learners.action_pair_kernel import BY_TUTOR, Judging, certify, difference, keep
+from qlearn.learners.action_pair_kernel import BY_TUTOR, OPEN, Judging, decide, glance, keep
 from qlearn.mdp.backup import MdpArrays, back_up_from
 
 DONE, ANSWERED = -1, 0  # beside UNKNOWN and UNSETTLED: how a state stands
@@ -68,16 +65,15 @@ def sweep(states: Any, work: Work, model: MdpArrays, judging: Judging, out: Outc
     state's code is ANSWERED. It stops behind a state where she comes back UNSETTLED.
     """
     rule, asking, oracle, certificates, kept, _, _ = judging
-    limits, verdict_of, tier_of = certificates
     keeps = len(kept.tiers) > 0
     v, following = work.v, work.following
     ends, terminal, cursor, incumbents = model.ends, model.terminal, work.cursor, work.best
     best_now, cursor_now, code_now, tiers = out.best, out.cursor, out.code, out.tiers
     arrays, discount = (model.successors, model.probabilities, ends, model.levels), model.discount
-    plain, turns = asking.plain, oracle.kind != NOBODY
+    turns = oracle.kind != NOBODY
     m, k = model.n_actions, v.shape[1]
-    d, t, scratch, least = np.empty(k), np.empty(k - 1), np.empty(k - 1), np.empty(k - 1)
-    vectors = np.empty((1, m, k))
+    dominance, plain = rule.dominance, asking.plain
+    d, t, vectors = np.empty(k), np.empty(k - 1), np.empty((1, m, k))
     q = vectors[0]
     low, high = out.change[0], out.change[1]
     for i in range(len(states)):
@@ -96,16 +92,13 @@ def sweep(states: Any, work: Work, model: MdpArrays, judging: Judging, out: Outc
                 row = s * m + a
                 if a == best or ends[row] == ends[row + 1]:
                     continue
-                verdict = difference(vectors, 0, a, best, d, t)
-                if verdict == EQUAL or (rule.dominance and verdict != UNKNOWN):
-                    tier = BY_EQUAL if verdict == EQUAL else BY_DOMINANCE
-                elif turns:
+                verdict, tier = glance(
+                    vectors, 0, a, best, row, d, t, dominance, plain, certificates
+                )
+                if tier == OPEN and turns:
                     verdict, tier = respond(t, oracle), BY_TUTOR
-                elif plain and verdict_of[row] != 0 and certifies(limits, row, verdict_of[row], t):
-                    verdict, tier = verdict_of[row], tier_of[row]
-                else:
-                    judged = judge_pair(d, t, scratch, least, rule, asking)
-                    verdict, tier = certify(judged, least, row, certificates)
+                elif tier == OPEN:
+                    verdict, tier = decide(vectors, 0, a, best, row, d, t, judging)
                 if verdict in (UNKNOWN, UNSETTLED):
                     code, at = verdict, a
                     break
