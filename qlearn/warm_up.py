@@ -5,13 +5,13 @@ Run it by ``python -m qlearn.warm_up``. Without it the first calls compile, once
 
 from __future__ import annotations
 
-import os
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from time import monotonic
 
 from elicit._support import jit
+from elicit._support.threads import cores
 from qlearn.experiments.compile_ahead import ALL
 
 
@@ -20,7 +20,7 @@ def main() -> None:
 
     As many run at once as there are cores; they take a moment if it is there already.
     """
-    jobs, begun = min(len(ALL), _cores()), monotonic()
+    jobs, begun = min(len(ALL), cores()), monotonic()
     jit.first_on_this_machine()  # so that the processes leave it to this one to say what they do
     print(
         f"qlearn: compiling with {jobs} processes, some two minutes of computing ...",
@@ -31,11 +31,6 @@ def main() -> None:
         for part in [pool.submit(each) for each in ALL]:
             part.result()
     print(f"qlearn: compiled, in {monotonic() - begun:.0f} s", file=sys.stderr)
-
-
-def _cores() -> int:
-    """Return the number of cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
 if __name__ == "__main__":

@@ -1,9 +1,11 @@
-"""Linear algebra on one thread, whatever the machine has.
+"""Linear algebra on one thread, whatever the machine has; and how many cores it has.
 
 How a sum is split among threads shows in its last digits, which can decide what is asked next.
 Systems of a few hundred unknowns are also solved ten times faster.
 """
 
+import os
+import sys
 from contextlib import ContextDecorator
 from functools import cached_property
 from threading import Lock, local
@@ -104,3 +106,8 @@ def _set(library: LibController, n: int) -> None:
 
 
 one_thread = _OneThread()  # one for the process: so is the limit
+
+
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1

@@ -12,19 +12,26 @@ Nothing here is exact, and nothing relies on it: who needs certainty measures wh
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy import sparse
 
 from elicit._support.threads import one_thread
 from elicit.model.difference import tail_sums
 from elicit.model.scale import Floats
+from qlearn.mdp.blocks import in_blocks, some_rows
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
-from qlearn.mdp.planning import Actions, backed_up, valued
+from qlearn.mdp.planning import Actions, valued
 
 _LOOK = 4  # sweeps over which their pace is taken
 _WORTH = 40  # sweeps that a linear system is worth
 _ROUNDS = 200  # policies
 _ROUNDING = 1e-14  # a width that sweeps need not get below
+_COARSE = 1e-5  # a width to which single precision sweeps of shares: a hundred times its rounding
+_LARGE = 4_000_000  # products in a sweep from which single precision is worth a copy of the chain
+_MOST_COARSE = 30  # sweeps in single precision
+_SLOW = 0.8  # of the last width: sweeps that leave more get on slowly
 
 
 @one_thread
@@ -42,10 +49,8 @@ def nearly_optimal(
     v = np.where(mdp.terminal, ends, start)
     policy = np.argmax(mdp.admissible, axis=1)
     for left in reversed(range(_ROUNDS)):
-        q = backed_up(mdp, gain, ends, v)
-        greedy = q.argmax(axis=1)
-        best, same = q[rows, greedy], greedy == policy
-        low, high = _range(best - v)
+        best, greedy, low, high = _improved(mdp, gain, ends, v)
+        same = greedy == policy
         policy, v = greedy, best
         if ratio * (high - low) <= within or (same.all() and high - low <= _ROUNDING) or not left:
             break  # at a value that low and high are about, also where rounds have run out
@@ -95,16 +100,15 @@ def _followed(
     Terminal states' are ``ends`` (S, c). It goes on until no column's changes differ by more than
     ``within`` from state to state. v is overwritten.
     """
-    widths: list[float] = []
+    if within < _COARSE and chain.nnz * v.shape[1] >= _LARGE and v.shape[1] > 1:
+        v = _followed_coarsely(mdp, chain, gain, ends, v)
+    ended, new, widths = bool(mdp.terminal.any()), np.empty_like(v), list[float]()
     while True:
-        new = chain @ v
-        new *= mdp.discount
-        new += gain
-        new[mdp.terminal] = ends[mdp.terminal]
-        low, high = _range(np.subtract(new, v, out=v))
-        v, width = new, mdp.discount * float((high - low).max())
+        low, high = _swept(mdp, chain, gain, ends, v, new)
+        v, new, width = new, v, mdp.discount * float((high - low).max())
         if width <= max(within, _ROUNDING):
-            v[~mdp.terminal] += _to_go(mdp, low, high)
+            if not ended:
+                v += _to_go(mdp, low, high)
             return v
         widths.append(width)
         if len(widths) % _LOOK == 0 and len(widths) > _LOOK:
@@ -113,12 +117,85 @@ def _followed(
                 return valued(mdp, chain, gain, ends)
 
 
-def _range(change: Floats) -> tuple[Floats, Floats]:
-    """Return the least and the greatest change of each column.
+def _followed_coarsely(
+    mdp: OrdinalMDP, chain: sparse.csr_array, gain: Floats, ends: Floats, v: Floats
+) -> Floats:
+    """Return v (S, c) after sweeps in single precision, which need half the memory and time.
+
+    They end where single precision does, or where they get on slowly.
+    """
+    coarse = sparse.csr_array(
+        (chain.data.astype(np.float32), chain.indices, chain.indptr), shape=chain.shape
+    )
+    gains, finals, now = (x.astype(np.float32) for x in (gain, ends, v))
+    new, last = np.empty_like(now), np.inf
+    for _ in range(_MOST_COARSE):
+        low, high = _swept(mdp, coarse, gains, finals, now, new)
+        now, new, width = new, now, mdp.discount * float((high - low).max())
+        if width <= _COARSE or width > _SLOW * last:
+            break
+        last = width
+    if not mdp.terminal.any():
+        now += _to_go(mdp, low, high)
+    return np.asarray(now, dtype=np.float64)
+
+
+def _swept(
+    mdp: OrdinalMDP, chain: sparse.csr_array, gain: Any, ends: Any, v: Any, new: Any
+) -> tuple[Floats, Floats]:
+    """Write one sweep's values into ``new`` (S, c): ``gain`` and what v (S, c) is worth.
+
+    Terminal states have their ``ends`` (S, c). Returns the least and the greatest change of each
+    column.
+    """
+
+    def sweep(first: int, last: int) -> Floats:
+        here = slice(first, last)
+        found = some_rows(chain, first, last) @ v
+        found *= mdp.discount
+        found += gain[here]
+        ended = mdp.terminal[here]
+        if ended.any():
+            found[ended] = ends[here][ended]
+        new[here] = found
+        np.subtract(found, v[here], out=found)
+        return np.array([found.min(axis=0), found.max(axis=0)])
+
+    return _over_all(in_blocks(sweep, mdp.n_states, chain.nnz * v.shape[1]))
+
+
+def _improved(
+    mdp: OrdinalMDP, gain: Floats, ends: Floats, v: Floats
+) -> tuple[Floats, Actions, Floats, Floats]:
+    """Return the values (S,) after one sweep, and the actions (S,) that attain them.
+
+    Of equally good actions it takes the first. They come with the least and the greatest change
+    from v (S,).
+    """
+    best, greedy, m = np.empty_like(v), np.empty(len(v), dtype=np.int64), mdp.n_actions
+
+    def sweep(first: int, last: int) -> Floats:
+        here = slice(first, last)
+        found = some_rows(mdp.transitions, first * m, last * m) @ v
+        q = gain[here] + mdp.discount * found.reshape(-1, m)
+        q[mdp.terminal[here]] = ends[here][mdp.terminal[here], None]
+        q[~mdp.admissible[here]] = -np.inf
+        greedy[here] = q.argmax(axis=1)
+        best[here] = q[np.arange(last - first), greedy[here]]
+        moved = best[here] - v[here]
+        return np.array([moved.min(), moved.max()])
+
+    low, high = _over_all(in_blocks(sweep, mdp.n_states, mdp.transitions.nnz))
+    return best, greedy, low, high
+
+
+def _over_all(changes: list[Floats]) -> tuple[Floats, Floats]:
+    """Return the least and the greatest change of each column, of those of all blocks.
 
     0 is among them if states are terminal, which do not change.
     """
-    return change.min(axis=0), change.max(axis=0)
+    both = np.array(changes)
+    return both[:, 0].min(axis=0), both[:, 1].max(axis=0)
 
 
 def _to_go(mdp: OrdinalMDP, low: Floats, high: Floats) -> Floats:

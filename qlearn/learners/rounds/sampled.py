@@ -36,6 +36,7 @@ class SampledRounds:
         self._worth = np.full(mdp.n_states, 0.5)  # (S,) values under the last central scale
         self._policy: NDArray[np.int64] | None = None
         self._v: Floats | None = None  # (S, k) the policy's value, approximately
+        self._is_rough = False  # whether it is good enough to choose questions only
         self._total = np.zeros(mdp.n_states)  # the most that can be collected, by the last bounds
         small = mdp.n_states <= TUNING.slow
         self._most = TUNING.questions_a_solution if small else TUNING.questions_a_slow_solution
@@ -104,8 +105,9 @@ class SampledRounds:
                 q[rows, last] >= q[rows, policy] - little * (1 - mdp.discount), last, policy
             )
         if last is None or (policy != last)[~mdp.terminal].any():
-            self._v = nearly_valued(mdp, policy, self._v, little * (1 - mdp.discount))
-            self._policy, self._all = policy, None
+            rough = TUNING.rough * little * (1 - mdp.discount)
+            self._v = nearly_valued(mdp, policy, self._v, rough)
+            self._policy, self._all, self._is_rough = policy, None, True
         self.rounds, self._asked = self.rounds + 1, 0
 
     def _sample(self) -> NDArray[np.int64]:
@@ -135,7 +137,12 @@ class SampledRounds:
         """
         if self._asked:
             self._solve(best_guess(comparator))
-        mdp, over, trusted = self._mdp, self.everything(), drawn_set(comparator)
+        mdp, trusted = self._mdp, drawn_set(comparator)
+        if self._is_rough:
+            within = self._error * (1 - mdp.discount)
+            self._v = nearly_valued(mdp, self._kept(), self._v, within)
+            self._all, self._is_rough = None, False
+        over = self.everything()
         if trusted is None:
             high, confidence = bounds_of_many(comparator, over.d)
             self._total = collected(mdp, over, high, self._total, self._error)

@@ -36,6 +36,9 @@ class Tuning:
     questions_a_slow_solution: int = 8  # the same for models of more than ``slow`` states
     slow: int = 30_000  # states
     error: float = 0.02  # the part of the tolerance that errors in V and in the bound may use up
+    # while questions are chosen, V may err by so many times more than in a proof: two sweeps of
+    # eleven are saved
+    rough: float = 10.0
 
 
 TUNING = Tuning()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from qlearn import OrdinalMDP, random_mdp
-from qlearn.mdp import warm_planning
+from qlearn.mdp import blocks, warm_planning
 from qlearn.mdp.planning import evaluate_policy, policy_loss, rewarded, value_iteration
 from qlearn.mdp.warm_planning import nearly_optimal, nearly_valued
 from tests.mdp_cases import messy_mdp
@@ -80,3 +80,30 @@ def test_a_policys_vector_value_is_nearly_consistent_whatever_it_starts_from(nam
             apart.max() <= 6 * within
         )  # of which the most comes from cutting off what is negative
         np.testing.assert_allclose(v, exact, atol=6 * within / (1 - mdp.discount))
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_blocks_on_several_threads_give_the_same_numbers(monkeypatch, name):
+    mdp = MODELS[name]
+    start = np.full(mdp.n_states, 0.5)
+
+    def solved():
+        v, policy, more = nearly_optimal(mdp, *rewarded(mdp, VALUES), start, 1e-6)
+        return v, policy, more, nearly_valued(mdp, policy, None, 1e-6)
+
+    alone = solved()
+    monkeypatch.setattr(blocks, "_WORTH_A_THREAD", 1)
+    monkeypatch.setattr(blocks, "cores", lambda: 3)
+    for one, other in zip(alone, solved(), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_sweeps_that_begin_in_single_precision_come_as_near(monkeypatch, name):
+    mdp = MODELS[name]
+    policy = value_iteration(mdp, VALUES)[1]
+    exact = evaluate_policy(mdp, policy)
+    monkeypatch.setattr(warm_planning, "_LARGE", 0)
+    v = nearly_valued(mdp, policy, None, 1e-8)
+    np.testing.assert_allclose(v, exact, atol=1e-8 * 4 / (1 - mdp.discount))
+    np.testing.assert_array_equal(v[mdp.terminal], exact[mdp.terminal])
