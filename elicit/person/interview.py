@@ -102,7 +102,8 @@ that differ more often in one half of the session), ``settled``, ``finished`` (f
 waits), ``more`` (true if something is left to ask), ``open`` (the reason why there is no question
 though more could be asked, or null), ``scale`` (rows, best level first: ``label``, ``value``,
 ``low``, ``high``, from 0 to 100, and ``asked``, false for a level that no answer is about),
-``certainty`` (of the intervals), ``statements``, ``changes`` (``title``, ``note``, ``columns``,
+``certainty`` (of the intervals), ``by_chance`` (a sentence on how often answers by chance would do
+as well in the checks, or ""), ``statements``, ``changes`` (``title``, ``note``, ``columns``,
 ``rows``, or null), ``downloads``, ``facts`` (pairs), ``limits``, ``counts`` and ``conflicts``
 (lists of ``id``, ``number`` and ``sentence``). ``counts`` has ``answered``, with ``equal``,
 ``cannot tell`` and ``unused`` among them; ``withdrawn``; and ``repeated``, the questions that were
@@ -115,21 +116,23 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from inspect import signature
 from itertools import chain
 from typing import Any
+
+import numpy as np
 
 from elicit._support.closing import Closing
 from elicit.model.query import Answer, Query, Verdict
 from elicit.person.asker import AfterAnswer, Asker, Compares, Supposed
 from elicit.person.background import Background, Turns
 from elicit.person.course.choices import CHOICES, Choices
-from elicit.person.course.conduct import ORDER, Conduct, differs
+from elicit.person.course.conduct import IN_CONFLICT, LEAST_CHECKS, ORDER, Conduct, differs
 from elicit.person.course.consequences import Consequences
 from elicit.person.course.further import LEVEL, level_question, order_question
 from elicit.person.course.pace import FEW_HASTY, Pace
 from elicit.person.course.progress import Progress
-from elicit.person.course.repeats import LEAST_CHECKS
 from elicit.person.drawing import MINUTES, Drawing, legend_of, shown_of
 from elicit.person.drawing import Subject as Subject
 from elicit.person.look_ahead import LookAhead
@@ -352,7 +355,6 @@ class Interview(Drawing, Closing):
     def _screen(self, note: str | None = None) -> dict[str, Any]:
         session, words = self._session, self._subject.words
         standing = [entry for entry in session.log if not entry.retracted]
-        answered = sum(not entry.repeat for entry in standing)
         screen = self._screen_of(standing, note)
         if not standing and not self._practised and not self._chosen.stopped:
             if not self._started and session.question() is not None:
@@ -366,7 +368,10 @@ class Interview(Drawing, Closing):
                 return {**screen, "stage": "practice", "question": self._drawn(shown, 0)}
         conduct = Conduct.of([*session.log])
         caution = (
-            conduct.caution() if answered >= self._chosen.heard + _MORE_AFTER_CAUTION else None
+            conduct.caution()
+            if conduct.given >= self._chosen.heard + _MORE_AFTER_CAUTION
+            or (conduct.taken_back and not self._chosen.heard)
+            else None
         )
         if conflict := self._conflict_now():
             self.shown = None
@@ -565,6 +570,8 @@ class Interview(Drawing, Closing):
         conduct, start = Conduct.of([*self._session.log]), self._at_start()
         needed = start is not None and not start.finished
         few = needed and conduct.with_verdict < self._subject.least
+        if needed and not few and self._session.audits and conduct.unresolved:
+            few = self._session.confirming() is None  # then there is more to put again
         if (self._chosen.more or few) and (found := self._level_question(few)) is not None:
             return found
         return self._session.confirming() if needed or self._chosen.more else None
@@ -632,7 +639,7 @@ class Interview(Drawing, Closing):
         self._started = self._practised = True
         self._chosen.stopped = False
         if conduct.caution() is not None:
-            self._chosen.heard = conduct.answered
+            self._chosen.heard = conduct.given
         self._chosen.offered = conduct.answered
         if self._session.question() is None:
             self._chosen.more = True
@@ -689,9 +696,9 @@ class Interview(Drawing, Closing):
             return self._screen("This program cannot take answers back.")
         if choice == "cannot tell":
             for entry in among:
-                self._session.withdraw(entry.answer.query.id)
+                self._session.withdraw(entry.answer.query.id, **{IN_CONFLICT: True})
             return self._screen("Thank you. None of these answers is used.")
-        self._session.withdraw(choice.removeprefix("withdraw:"))
+        self._session.withdraw(choice.removeprefix("withdraw:"), **{IN_CONFLICT: True})
         return self._screen("Thank you. The other answers stay.")
 
     def _weigh(self, conflict: Mapping[str, Any]) -> None:
@@ -718,7 +725,9 @@ class Interview(Drawing, Closing):
                 choice: session.supposing(without.get(choice, [choice.removeprefix("withdraw:")]))
                 for choice in choices
             }
-        self._weighed = Consequences(id, suppose, self._left_by)
+        d = last.answer.query.d
+        levels = [int(i) for i in np.flatnonzero(d[1:-1]) + 1][-2:][::-1]  # ends are fixed
+        self._weighed = Consequences(id, suppose, partial(self._left_by, levels))
         self._background.start(self._weighed.steps())
 
     def _consequences(self, id: str) -> dict[str, Any]:
@@ -737,13 +746,18 @@ class Interview(Drawing, Closing):
             return
         before, since = None if now is None else now.outlook, tuple(self._since)
         self._beside, self._since = _Beside(shown.id, asker), []
-        pending = session.next_told()
+        pending, query = session.next_told(), session.question()
+        other = (pending is None or pending.id != shown.id) and not session.is_repeat(shown.id)
+        instead: Iterator[None] = iter(())
+        if query is not None and other and session.makes_askers:
+            instead = session.restarts(query, shown.swapped)
         if pending is None or (twin := session.twin()) is None:
+            self._background.start(instead)
             return  # the asker is done, or cannot be copied
         ahead = None
         if now is not None and now.ahead is not None and now.ahead.waits_for(asker, pending):
             ahead = now.ahead  # ``shown`` is, or was, a repeat
-        elif session.makes_askers and not self._rounded(pending):
+        elif session.makes_askers and not self._rounded(pending) and not other:
             ahead = LookAhead(
                 asker, twin, pending, self._shown(pending).swapped, session.answering(pending)
             )
@@ -752,7 +766,8 @@ class Interview(Drawing, Closing):
             twin, shown, pending, subject.stakes, self._ends, subject.seed, before, since, counted
         )
         self._beside = _Beside(shown.id, asker, ahead, outlook)
-        self._background.start(chain(() if ahead is None else ahead.steps(), outlook.steps()))
+        looks = () if ahead is None else ahead.steps()
+        self._background.start(chain(instead, looks, outlook.steps()))
 
     def _told_ahead(self, asker: Asker, answer: Answer) -> AfterAnswer | None:
         """Return the asker after an answer, if computed, and give up the other computations."""

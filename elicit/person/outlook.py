@@ -18,7 +18,7 @@ from elicit.model.difference import tail_sums
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats
 from elicit.person.asker import Asker, Compares, tell
-from elicit.person.course.repeats import LEAST_CHECKS
+from elicit.person.course.conduct import LEAST_CHECKS
 from elicit.person.showing import Shown, printable
 from elicit.tutors.erring_tutor import says_left
 

@@ -26,7 +26,7 @@ th, td { box-sizing: border-box; text-align: left; vertical-align: top; font-wei
   border-top: 1px solid #d9e0e6; }
 thead th, thead td { font-size: .85rem; color: #4a5864; border-top: 0; vertical-align: bottom; }
 .number { text-align: right; } .guess { width: 12%; } .range { width: 16%; } .drawn { width: 48%; padding: 0 1.2rem; }
-.scale tbody * { vertical-align: middle; } .nr { width: 2.4rem; } .when { width: 9.8rem; } .remarks { width: 28%; }
+.scale tbody * { vertical-align: middle; } .nr { width: 3.2rem; overflow-wrap: normal; } .when { width: 11.2rem; } .remarks { width: 28%; }
 svg { display: block; width: 100%; overflow: visible; }
 .conflict { border: 1.5px solid #b45f00; background: #fff4dc; border-radius: 8px; padding: .2rem 1rem;
   margin: .8rem 0; }
@@ -39,7 +39,7 @@ dd { margin: 0; overflow-wrap: anywhere; }
 @media (max-width: 34rem) {
   body { margin-top: 1rem; } table { font-size: .9rem; } th, td { padding: .3rem .2rem; }
   .drawn { width: 32%; padding: 0 .8rem; } .guess { width: 14%; } .range { width: 24%; }
-  .nr { width: 1.4rem; } .when { width: 6rem; } .remarks { width: 22%; }
+  .nr { width: 2rem; } .when { width: 6rem; } .remarks { width: 22%; }
 }
 @media print {
   body { margin: 0; max-width: none; font-size: 11pt; } thead { display: table-header-group; }
@@ -160,7 +160,7 @@ def _headline(end: Mapping[str, Any]) -> Iterator[str]:
     for said in (end.get("caution"), *end.get("remarks", ())):
         if said:
             yield f'<p class="caution">{escaped(said)}</p>'
-    for name in ("sure", "before", "next"):
+    for name in ("sure", "before", "next", "by_chance"):
         if end.get(name):
             yield f"<p>{escaped(end[name])}</p>"
 

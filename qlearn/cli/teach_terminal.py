@@ -312,6 +312,8 @@ def report_lines(screen: dict[str, Any], width: int) -> list[str]:
         lines.append(
             f"{counts['alike']} of {counts['repeated']} repeated {questions} answered as before."
         )
+    if end["by_chance"]:
+        lines.append(end["by_chance"])
     cautions = (end["caution"], *end["remarks"])
     said = (end["headline"], *cautions, end["sure"], end["before"], end["next"])
     lines += [sentence for sentence in said if sentence]

@@ -448,7 +448,7 @@ export function mount(root, send, options = {}) {
     for (const said of [caution, ...remarks].filter(Boolean)) top.push(part("p", "caution", {}, [said]));
     const facts = [
       ["How sure", screen.end.sure], ["Before", screen.end.before], ["Next", screen.end.next], ["You gave", given],
-      ["Checks", checks(counts)],
+      ["Checks", `${checks(counts)} ${screen.end.by_chance}`.trim()],
     ].filter(([, text]) => text);
     top.push(part("dl", "facts", {}, facts.flatMap(([a, b]) => [part("dt", "", {}, [a]), part("dd", "", {}, [b])])));
     const doing = [button("pick", "Download report", keep)];
