@@ -66,6 +66,8 @@ A screen has these fields:
     "welcome", "practice", "question", "conflict", "offer" or "end".
 ``answered``
     Number of answers that stand.
+``checks``
+    Number of repeated questions among the answers that stand.
 ``open_conflicts``
     Number of answers that contradict others.
 ``budget``
@@ -244,6 +246,7 @@ class Interview(Drawing, Closing):
         self._pace = Pace()  # then: whoever does not hold the lock may not read the log
         self._weighed: Consequences[Supposed] | None = None
         self._since: list[Verdict | None] = []  # verdicts since then
+        self._put_so_far = 0  # questions, and checks, before this one
         self._needed = (0, 0)  # answers and checks that must still come after this question
         # whoever resumes without an answer sees the welcome, and chooses anew
         self._chosen = Choices.of(session.log.asked) if self._started else Choices()
@@ -394,6 +397,7 @@ class Interview(Drawing, Closing):
             self._log_shown(shown_now)
         self.shown = shown_now
         self._needed = self._still_needed(conduct)
+        self._put_so_far = len(standing)
         self._compute_beside(shown_now)
         return {
             **screen,
@@ -413,6 +417,7 @@ class Interview(Drawing, Closing):
             "legend": legend_of(self._subject),
             "stage": "welcome",
             "answered": sum(not entry.repeat for entry in standing),
+            "checks": sum(entry.repeat for entry in standing),
             "open_conflicts": sum(CONTRADICTS in e.metadata and not e.used for e in standing),
             "budget": self._planned(),
             "time": {"planned": self._chosen.minutes, "spent": pace.spent, "pace": pace.seconds},
@@ -819,15 +824,22 @@ class Interview(Drawing, Closing):
         outlook = now.outlook if now is not None and now.shown == id else None
         if outlook is None:
             why = [_FURTHER] if id.startswith(LEVEL) and not self._chosen.more else []
-            return {"id": id, "why": why, "to_come": None, "ready": True}
+            to_come = None if self._chosen.more else self._as_forecast()
+            return {"id": id, "why": why, "to_come": to_come, "ready": True}
         ready = outlook.ready  # read first: whatever is there by then stays
         answers, checks = self._needed
         to_come = (
-            None
+            self._as_forecast()
             if outlook.to_come is None
             else [max(answers, number) + checks for number in outlook.to_come]
         )
         return {"id": id, "why": [*outlook.why], "to_come": to_come, "ready": ready}
+
+    def _as_forecast(self) -> list[int] | None:
+        """Return how many questions are to come by the welcome's forecast, or None."""
+        length = None if self._prospects is None else self._prospects.length()
+        left = 0 if length is None else length - self._put_so_far - 1
+        return [left, left] if left >= max(1, sum(self._needed)) else None
 
 
 def _number(text: str) -> int | None:

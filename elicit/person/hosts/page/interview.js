@@ -16,7 +16,8 @@ const NUMBERS = ["no", "one", "two", "three", "four", "five", "six", "seven", "e
 export function mount(root, send, options = {}) {
   const {
     keys = root,
-    later = "To go on, ask for a new address, or start the same command again. It continues where you are now.",
+    later = "To go on, come back to this page in the same browser. If it no longer opens, ask whoever gave you its address for " +
+      "a new one, or start the same command again. It continues where you are now.",
     where = "on this computer",
     seen = ["It stays here.", "Your answers are saved on this computer. Others see them only if you share them."],
     titled = () => {},
@@ -200,12 +201,13 @@ export function mount(root, send, options = {}) {
     if (most !== null) expected = done + 1 + most;
     const all = Math.min(screen.budget ?? Infinity, expected ?? Infinity);
     bar.firstChild.style.width = screen.stage === "end" ? "100%" : all < Infinity ? `${Math.min(100, (100 * done) / all)}%` : "0";
-    bar.hidden = ["welcome", "practice"].includes(screen.stage);
+    bar.hidden = ["welcome", "practice"].includes(screen.stage) || (all === Infinity && screen.stage !== "end");
   }
 
   function foot() {
     const n = screen.answered;
-    const words = n ? `${n} ${n === 1 ? "answer" : "answers"} saved ${where}` : "Nothing answered yet";
+    const again = screen.checks ? ` and ${screen.checks} ${screen.checks === 1 ? "check" : "checks"}` : "";
+    const words = n ? `${n} ${n === 1 ? "answer" : "answers"}${again} saved ${where}` : "Nothing answered yet";
     const tick = part("span", "tick", { "aria-hidden": "true" }, ["✓ "]);
     if (!saved.textContent.endsWith(words)) saved.replaceChildren(...(n ? [tick, words] : [words]));
     const going = screen.stage !== "end" && screen.stage !== "welcome";
