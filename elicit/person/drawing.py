@@ -256,8 +256,10 @@ class Drawing:
         names = [printable(self._subject.labels[i]) for i in levels]
         worth = [
             f"Then “{row.label}” is worth {row.low:.0f} to {row.high:.0f}."
-            for row in scale_rows(after.asker.comparator, self._subject.labels)[::-1]
-            if row.label in names and (row.low, row.high) != (0.0, 100.0)
+            if (row.low, row.high) != (0.0, 100.0)
+            else f"Then “{row.label}” can be worth anything."
+            for row in scale_rows(after.asker.comparator, self._subject.labels)
+            if row.label in names
         ]
         return printable(" ".join([*worth, kept]))
 

@@ -36,7 +36,8 @@ The other replies are:
 
 ``outlook``
     ``id`` of the question, for the notes beside it. The reply has ``why`` (sentences), ``to_come``
-    ([least, most], the number of questions after this one, or null) and ``ready`` (true if nothing
+    ([least, most], the number of questions after this one, or null), ``at_least`` (how many must
+    come) and ``ready`` (true if nothing
     will be added; until then ask again).
 ``prospects``
     What each budget of the welcome will likely prove. The reply has ``budgets`` (sentences, in the
@@ -731,7 +732,9 @@ class Interview(Drawing, Closing):
                 for choice in choices
             }
         d = last.answer.query.d
-        levels = [int(i) for i in np.flatnonzero(d[1:-1]) + 1][-2:][::-1]  # ends are fixed
+        sides = [np.flatnonzero(side[1:-1]) + 1 for side in (d > 0, d < 0)]  # ends are fixed
+        level = min((side for side in sides if len(side)), key=len, default=sides[0])
+        levels = level[-2:].tolist()[::-1]
         self._weighed = Consequences(id, suppose, partial(self._left_by, levels))
         self._background.start(self._weighed.steps())
 
@@ -825,7 +828,13 @@ class Interview(Drawing, Closing):
         if outlook is None:
             why = [_FURTHER] if id.startswith(LEVEL) and not self._chosen.more else []
             to_come = None if self._chosen.more else self._as_forecast()
-            return {"id": id, "why": why, "to_come": to_come, "ready": True}
+            return {
+                "id": id,
+                "why": why,
+                "to_come": to_come,
+                "at_least": sum(self._needed),
+                "ready": True,
+            }
         ready = outlook.ready  # read first: whatever is there by then stays
         answers, checks = self._needed
         to_come = (
@@ -833,7 +842,9 @@ class Interview(Drawing, Closing):
             if outlook.to_come is None
             else [max(answers, number) + checks for number in outlook.to_come]
         )
-        return {"id": id, "why": [*outlook.why], "to_come": to_come, "ready": ready}
+        why = [*outlook.why]
+        at_least = answers + checks
+        return {"id": id, "why": why, "to_come": to_come, "at_least": at_least, "ready": ready}
 
     def _as_forecast(self) -> list[int] | None:
         """Return how many questions are to come by the welcome's forecast, or None."""

@@ -106,7 +106,8 @@ def report_page(
     name = title or "Your judgement"
     parts = [
         f"<h1>{escaped(name)}: a report</h1>",
-        f'<p class="soft">{escaped(when)}. {escaped(counted(end["counts"]))}</p>',
+        f'<p class="soft">{escaped(when)}. {escaped(counted(end["counts"]))} '
+        f"{escaped(end.get('by_chance', ''))}</p>",
     ]
     if waiting:
         parts.append(
@@ -160,7 +161,7 @@ def _headline(end: Mapping[str, Any]) -> Iterator[str]:
     for said in (end.get("caution"), *end.get("remarks", ())):
         if said:
             yield f'<p class="caution">{escaped(said)}</p>'
-    for name in ("sure", "before", "next", "by_chance"):
+    for name in ("sure", "before", "next"):
         if end.get(name):
             yield f"<p>{escaped(end[name])}</p>"
 

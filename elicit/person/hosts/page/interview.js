@@ -414,7 +414,7 @@ export function mount(root, send, options = {}) {
     const sooner = screen.time.planned && (!beside.to_come || screen.budget - screen.answered <= beside.to_come[1]);
     progress.lastChild.textContent = sooner
       ? planned(screen.time, screen.answered, screen.budget)
-      : toCome(beside.to_come, screen.time.pace);
+      : toCome(beside.to_come, screen.time.pace, beside.at_least);
     fill(beside.to_come ? beside.to_come[1] : null);
     const why = body.querySelector(".why");
     why?.querySelectorAll("p").forEach((p) => p.remove());
@@ -778,8 +778,8 @@ function planned({ planned: minutes, spent }, answered, budget) {
   return `${answered} answered, time for about ${more} more (${left < 1 ? "under 1" : left} of ${minutes} minutes left)`;
 }
 
-function toCome(range, seconds) {
-  if (!range) return "";
+function toCome(range, seconds, atLeast) {
+  if (!range) return atLeast ? `at least ${atLeast} more` : "";
   const [least, most] = range;
   if (most === 0) return "probably the last one";
   const minutes = Math.max(1, Math.round((most * seconds) / 60));
