@@ -410,7 +410,9 @@ class Drawing:
         caution = conduct.caution(at_end=True) if subject.least else None
         headline, after, said = found.headline, found.next, [*found.statements]
         start = self._at_start() if found.headline else None
+        sure, changes = found.sure, found.changes
         if not conduct.with_verdict and start is not None and not start.finished:
+            sure, changes = "", None  # there is nothing yet that could hold or change
             headline = (
                 "You have not said yet which is better, so nothing is known about your values."
             )
@@ -428,7 +430,7 @@ class Drawing:
         )
         return {
             "headline": printable(headline),
-            "sure": printable(found.sure),
+            "sure": printable(sure),
             "next": printable(after),
             "before": printable(found.before),
             "caution": caution,
@@ -446,7 +448,7 @@ class Drawing:
                 *map(printable, said),
                 *map(printable, subject.report(session.result())),
             ],
-            "changes": None if found.changes is None else asdict(found.changes),
+            "changes": None if changes is None else asdict(changes),
             "downloads": [
                 *(["scale"] if scale else []),
                 *(["policy"] if found.result is not None else []),

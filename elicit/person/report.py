@@ -219,7 +219,7 @@ def _scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> Iterator[str]:
     said = (
         "Values go from 0, the worst level, to 100, the best. A level at 60 is as good to you as "
         "60 of 100 at the best level and 40 at the worst. The bar is what is still possible, and "
-        "the dot is the best guess. A dashed bar is a level that no answer is about."
+        "the dot is the best guess. A dashed bar is a level that is still unknown."
     )
     yield f'<table class="scale">\n<caption>{said} The ranges hold {escaped(certainty)}.</caption>'
     marks = "".join(f'<text x="{x}%" y="14" text-anchor="middle">{x}</text>' for x in (0, 50, 100))
@@ -233,7 +233,7 @@ def _scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> Iterator[str]:
     for i, row in enumerate(rows):
         low, high = row["low"], row["high"]
         between = "fixed" if low == high else f"{low:.0f} to {high:.0f}"
-        known = row.get("asked", True)
+        known = row.get("asked", True) and (low > 0 or high < 100)
         colour = colour_of(1.0 - i / max(1, len(rows) - 1)) if known else None
         picture = interval_picture(low, row["value"], high, colour)
         guess = f"{row['value']:.0f}" if known else "unknown"

@@ -726,18 +726,19 @@ function worth(scale, certainty) {
   );
   const rows = scale.map(({ label, value, low, high, asked }, i) => {
     const range = low === high ? "fixed" : `${low} to ${high}`;
+    const known = asked && !(low <= 0 && high >= 100);
     const name = asked ? [label] : [label, part("span", "soft small never", {}, ["never asked"])];
     return part("tr", "", {}, [
       part("th", "", { scope: "row" }, name),
-      part("td", "drawn", {}, [interval(low, value, high, colourOf(scale.length - 1 - i, scale.length), asked)]),
-      part("td", "number", {}, [asked ? String(Math.round(value)) : "unknown"]),
+      part("td", "drawn", {}, [interval(low, value, high, colourOf(scale.length - 1 - i, scale.length), known)]),
+      part("td", "number", {}, [known ? String(Math.round(value)) : "unknown"]),
       part("td", "number", {}, [range]),
     ]);
   });
   const said =
     "From 0, the worst level, to 100, the best. A level at 60 is as good to you as 60 of 100 at the best level and 40 " +
-    "at the worst. The bar is what is still possible, and the dot is the best guess. A dashed bar is a level that no " +
-    "answer is about.";
+    "at the worst. The bar is what is still possible, and the dot is the best guess. A dashed bar is a level that is " +
+    "still unknown.";
   const table = part("table", "worth", {}, [
     part("caption", "soft", {}, [`${said} The ranges hold ${certainty}.`]),
     part("thead", "", {}, [part("tr", "", {}, head)]),
