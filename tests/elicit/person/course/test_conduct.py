@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 
 from elicit import Answer, AnswerLog, Query, Verdict
-from elicit.person.course.conduct import ORDER, Conduct, choice_of, differs, repeats_in
+from elicit.person.course.conduct import (
+    IN_CONFLICT,
+    ORDER,
+    Conduct,
+    choice_of,
+    differs,
+    repeats_in,
+)
 from elicit.tutors.answer_log import EXPECTED, REPEATS, RESOLVED
 
 LEFT, RIGHT = np.array([0.0, 1.0, 0.0]), np.array([0.5, 0.0, 0.5])
@@ -100,6 +107,19 @@ def test_checks_are_passed_or_look_like_chance(
     assert (one.passed, one.like_chance) == (passed, chance)
     assert one.by_chance == f"Answers by chance would do as well in {cases}."
     assert (one.caution() is not None) == (chance or (one.checks >= 11 and not passed))
+
+
+@pytest.mark.parametrize(("back", "stand", "said"), [(5, 1, False), (6, 6, True), (6, 7, False)])
+def test_many_answers_taken_back_as_contradictions_are_said(
+    back: int, stand: int, said: bool
+) -> None:
+    log = log_of(*"ab" * 7)
+    for entry in [*log][:back]:
+        log.retract(entry.answer.query.id, **{IN_CONFLICT: True})
+    for entry in [*log][back + stand :]:
+        log.retract(entry.answer.query.id)
+    assert (conduct(log).taken_back, conduct(log).given) == (back, back + stand)
+    assert (conduct(log).caution() is not None) == said
 
 
 def test_few_pass_the_checks_by_chance() -> None:
