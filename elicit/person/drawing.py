@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from elicit._support.distribution import version
 from elicit.model.difference import tail_sums
 from elicit.model.pairs import same_pairs
 from elicit.model.query import Query, Verdict
-from elicit.person.asker import Compares, Supposed
+from elicit.person.asker import Asker, Compares, Supposed
 from elicit.person.course.choices import Choices
 from elicit.person.course.conclusion import Conclusion, SessionFacts, in_unit
 from elicit.person.course.conduct import Conduct, choice_of
@@ -91,12 +92,22 @@ class Subject:
     facts: SessionFacts = field(default_factory=SessionFacts)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Start:
-    """A session before its first answer: what could be lost, and whether nothing needs asking."""
+    """A session before its first answer, of which only what is needed is computed."""
 
-    loss: float | None
-    finished: bool
+    asker: Asker
+
+    @cached_property
+    def loss(self) -> float | None:
+        """The share of the value range that could be lost, or None if unknown."""
+        loss = getattr(self.asker.result(), "loss_bound", None)
+        return float(loss) if isinstance(loss, float) and not np.isnan(loss) else None
+
+    @cached_property
+    def finished(self) -> bool:
+        """True if nothing needs asking."""
+        return not self.asker.ask()
 
 
 class Drawing:
@@ -154,9 +165,9 @@ class Drawing:
             asker = self._session.current_asker() if empty else self._session.at_start()
             if asker is None:
                 return None
-            loss = getattr(asker.result(), "loss_bound", None)
-            known = isinstance(loss, float) and not np.isnan(loss)
-            self._start = Start(float(loss) if known else None, not asker.ask())  # type: ignore[arg-type]
+            self._start = Start(asker)
+            if empty:  # the asker goes on
+                _ = self._start.loss, self._start.finished
         return self._start
 
     def _conflicts_found(self) -> tuple[tuple[Entry, ...], ...]:
@@ -200,7 +211,9 @@ class Drawing:
         ]
         if len(among) == 1:
             heading = "This answer goes against the order of the levels"
-            text = "Do you mean it? While it stands, it is not used."
+            used = "the program allows for it as a possible error"
+            used = used if among[0].used else "it is not used"
+            text = f"Do you mean it? While it stands, {used}."
             choices = [{"choice": f"withdraw:{among[0].answer.query.id}", "label": "Take it back"}]
         elif len(among) == 2:
             heading = "These two answers contradict each other"
@@ -231,13 +244,24 @@ class Drawing:
             "choices": choices,
         }
 
-    def _left_by(self, after: Supposed) -> str:
-        """Return how many answers a choice in a conflict would keep.
+    def _left_by(self, levels: Sequence[int], after: Supposed) -> str:
+        """Return what a choice in a conflict would say of some levels, and the answers it keeps.
 
         What the result could then lose is not said: people took the choice that lost least, and
         not the one they meant.
         """
-        return f"Keeps {after.used} of {after.of} answers."
+        kept = f"Keeps {after.used} of {after.of} answers."
+        if not isinstance(after.asker, Compares):
+            return kept
+        names = [printable(self._subject.labels[i]) for i in levels]
+        worth = [
+            f"Then “{row.label}” is worth {row.low:.0f} to {row.high:.0f}."
+            if (row.low, row.high) != (0.0, 100.0)
+            else f"Then “{row.label}” can be worth anything."
+            for row in scale_rows(after.asker.comparator, self._subject.labels)
+            if row.label in names
+        ]
+        return printable(" ".join([*worth, kept]))
 
     def _as_shown(self, entry: Entry, name: str) -> dict[str, Any]:
         shown = self._as_put(entry)
@@ -380,12 +404,15 @@ class Drawing:
         over = session.question() is None
         # who asked for more after the last question may stop at any time
         enough = over or (self._chosen.more and conduct.with_verdict >= subject.least)
+        enough = enough and (conduct.passed or not conduct.differed)
         may_add = bool(subject.least) and session.makes_askers
-        left = not over or (may_add and self._level_question() is not None)
+        left = (not over and not open_still) or (may_add and self._level_question() is not None)
         caution = conduct.caution(at_end=True) if subject.least else None
         headline, after, said = found.headline, found.next, [*found.statements]
         start = self._at_start() if found.headline else None
+        sure, changes = found.sure, found.changes
         if not conduct.with_verdict and start is not None and not start.finished:
+            sure, changes = "", None  # there is nothing yet that could hold or change
             headline = (
                 "You have not said yet which is better, so nothing is known about your values."
             )
@@ -403,7 +430,7 @@ class Drawing:
         )
         return {
             "headline": printable(headline),
-            "sure": printable(found.sure),
+            "sure": printable(sure),
             "next": printable(after),
             "before": printable(found.before),
             "caution": caution,
@@ -415,12 +442,13 @@ class Drawing:
             if open_still
             else None,
             "scale": scale,
+            "by_chance": conduct.by_chance if subject.least else "",
             "certainty": None if known is None else certainty(known),
             "statements": [
                 *map(printable, said),
                 *map(printable, subject.report(session.result())),
             ],
-            "changes": None if found.changes is None else asdict(found.changes),
+            "changes": None if changes is None else asdict(changes),
             "downloads": [
                 *(["scale"] if scale else []),
                 *(["policy"] if found.result is not None else []),

@@ -36,7 +36,8 @@ The other replies are:
 
 ``outlook``
     ``id`` of the question, for the notes beside it. The reply has ``why`` (sentences), ``to_come``
-    ([least, most], the number of questions after this one, or null) and ``ready`` (true if nothing
+    ([least, most], the number of questions after this one, or null), ``at_least`` (how many must
+    come) and ``ready`` (true if nothing
     will be added; until then ask again).
 ``prospects``
     What each budget of the welcome will likely prove. The reply has ``budgets`` (sentences, in the
@@ -66,6 +67,8 @@ A screen has these fields:
     "welcome", "practice", "question", "conflict", "offer" or "end".
 ``answered``
     Number of answers that stand.
+``checks``
+    Number of repeated questions among the answers that stand.
 ``open_conflicts``
     Number of answers that contradict others.
 ``budget``
@@ -102,7 +105,8 @@ that differ more often in one half of the session), ``settled``, ``finished`` (f
 waits), ``more`` (true if something is left to ask), ``open`` (the reason why there is no question
 though more could be asked, or null), ``scale`` (rows, best level first: ``label``, ``value``,
 ``low``, ``high``, from 0 to 100, and ``asked``, false for a level that no answer is about),
-``certainty`` (of the intervals), ``statements``, ``changes`` (``title``, ``note``, ``columns``,
+``certainty`` (of the intervals), ``by_chance`` (a sentence on how often answers by chance would do
+as well in the checks, or ""), ``statements``, ``changes`` (``title``, ``note``, ``columns``,
 ``rows``, or null), ``downloads``, ``facts`` (pairs), ``limits``, ``counts`` and ``conflicts``
 (lists of ``id``, ``number`` and ``sentence``). ``counts`` has ``answered``, with ``equal``,
 ``cannot tell`` and ``unused`` among them; ``withdrawn``; and ``repeated``, the questions that were
@@ -115,21 +119,23 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from inspect import signature
 from itertools import chain
 from typing import Any
+
+import numpy as np
 
 from elicit._support.closing import Closing
 from elicit.model.query import Answer, Query, Verdict
 from elicit.person.asker import AfterAnswer, Asker, Compares, Supposed
 from elicit.person.background import Background, Turns
 from elicit.person.course.choices import CHOICES, Choices
-from elicit.person.course.conduct import ORDER, Conduct, differs
+from elicit.person.course.conduct import IN_CONFLICT, LEAST_CHECKS, ORDER, Conduct, differs
 from elicit.person.course.consequences import Consequences
 from elicit.person.course.further import LEVEL, level_question, order_question
 from elicit.person.course.pace import FEW_HASTY, Pace
 from elicit.person.course.progress import Progress
-from elicit.person.course.repeats import LEAST_CHECKS
 from elicit.person.drawing import MINUTES, Drawing, legend_of, shown_of
 from elicit.person.drawing import Subject as Subject
 from elicit.person.look_ahead import LookAhead
@@ -241,6 +247,7 @@ class Interview(Drawing, Closing):
         self._pace = Pace()  # then: whoever does not hold the lock may not read the log
         self._weighed: Consequences[Supposed] | None = None
         self._since: list[Verdict | None] = []  # verdicts since then
+        self._put_so_far = 0  # questions, and checks, before this one
         self._needed = (0, 0)  # answers and checks that must still come after this question
         # whoever resumes without an answer sees the welcome, and chooses anew
         self._chosen = Choices.of(session.log.asked) if self._started else Choices()
@@ -352,7 +359,6 @@ class Interview(Drawing, Closing):
     def _screen(self, note: str | None = None) -> dict[str, Any]:
         session, words = self._session, self._subject.words
         standing = [entry for entry in session.log if not entry.retracted]
-        answered = sum(not entry.repeat for entry in standing)
         screen = self._screen_of(standing, note)
         if not standing and not self._practised and not self._chosen.stopped:
             if not self._started and session.question() is not None:
@@ -366,7 +372,10 @@ class Interview(Drawing, Closing):
                 return {**screen, "stage": "practice", "question": self._drawn(shown, 0)}
         conduct = Conduct.of([*session.log])
         caution = (
-            conduct.caution() if answered >= self._chosen.heard + _MORE_AFTER_CAUTION else None
+            conduct.caution()
+            if conduct.given >= self._chosen.heard + _MORE_AFTER_CAUTION
+            or (conduct.taken_back and not self._chosen.heard)
+            else None
         )
         if conflict := self._conflict_now():
             self.shown = None
@@ -389,6 +398,7 @@ class Interview(Drawing, Closing):
             self._log_shown(shown_now)
         self.shown = shown_now
         self._needed = self._still_needed(conduct)
+        self._put_so_far = len(standing)
         self._compute_beside(shown_now)
         return {
             **screen,
@@ -408,6 +418,7 @@ class Interview(Drawing, Closing):
             "legend": legend_of(self._subject),
             "stage": "welcome",
             "answered": sum(not entry.repeat for entry in standing),
+            "checks": sum(entry.repeat for entry in standing),
             "open_conflicts": sum(CONTRADICTS in e.metadata and not e.used for e in standing),
             "budget": self._planned(),
             "time": {"planned": self._chosen.minutes, "spent": pace.spent, "pace": pace.seconds},
@@ -565,6 +576,8 @@ class Interview(Drawing, Closing):
         conduct, start = Conduct.of([*self._session.log]), self._at_start()
         needed = start is not None and not start.finished
         few = needed and conduct.with_verdict < self._subject.least
+        if needed and not few and self._session.audits and conduct.unresolved:
+            few = self._session.confirming() is None  # then there is more to put again
         if (self._chosen.more or few) and (found := self._level_question(few)) is not None:
             return found
         return self._session.confirming() if needed or self._chosen.more else None
@@ -632,7 +645,7 @@ class Interview(Drawing, Closing):
         self._started = self._practised = True
         self._chosen.stopped = False
         if conduct.caution() is not None:
-            self._chosen.heard = conduct.answered
+            self._chosen.heard = conduct.given
         self._chosen.offered = conduct.answered
         if self._session.question() is None:
             self._chosen.more = True
@@ -689,9 +702,9 @@ class Interview(Drawing, Closing):
             return self._screen("This program cannot take answers back.")
         if choice == "cannot tell":
             for entry in among:
-                self._session.withdraw(entry.answer.query.id)
+                self._session.withdraw(entry.answer.query.id, **{IN_CONFLICT: True})
             return self._screen("Thank you. None of these answers is used.")
-        self._session.withdraw(choice.removeprefix("withdraw:"))
+        self._session.withdraw(choice.removeprefix("withdraw:"), **{IN_CONFLICT: True})
         return self._screen("Thank you. The other answers stay.")
 
     def _weigh(self, conflict: Mapping[str, Any]) -> None:
@@ -718,7 +731,11 @@ class Interview(Drawing, Closing):
                 choice: session.supposing(without.get(choice, [choice.removeprefix("withdraw:")]))
                 for choice in choices
             }
-        self._weighed = Consequences(id, suppose, self._left_by)
+        d = last.answer.query.d
+        sides = [np.flatnonzero(side[1:-1]) + 1 for side in (d > 0, d < 0)]  # ends are fixed
+        level = min((side for side in sides if len(side)), key=len, default=sides[0])
+        levels = level[-2:].tolist()[::-1]
+        self._weighed = Consequences(id, suppose, partial(self._left_by, levels))
         self._background.start(self._weighed.steps())
 
     def _consequences(self, id: str) -> dict[str, Any]:
@@ -737,13 +754,18 @@ class Interview(Drawing, Closing):
             return
         before, since = None if now is None else now.outlook, tuple(self._since)
         self._beside, self._since = _Beside(shown.id, asker), []
-        pending = session.next_told()
+        pending, query = session.next_told(), session.question()
+        other = (pending is None or pending.id != shown.id) and not session.is_repeat(shown.id)
+        instead: Iterator[None] = iter(())
+        if query is not None and other and session.makes_askers:
+            instead = session.restarts(query, shown.swapped)
         if pending is None or (twin := session.twin()) is None:
+            self._background.start(instead)
             return  # the asker is done, or cannot be copied
         ahead = None
         if now is not None and now.ahead is not None and now.ahead.waits_for(asker, pending):
             ahead = now.ahead  # ``shown`` is, or was, a repeat
-        elif session.makes_askers and not self._rounded(pending):
+        elif session.makes_askers and not self._rounded(pending) and not other:
             ahead = LookAhead(
                 asker, twin, pending, self._shown(pending).swapped, session.answering(pending)
             )
@@ -752,7 +774,8 @@ class Interview(Drawing, Closing):
             twin, shown, pending, subject.stakes, self._ends, subject.seed, before, since, counted
         )
         self._beside = _Beside(shown.id, asker, ahead, outlook)
-        self._background.start(chain(() if ahead is None else ahead.steps(), outlook.steps()))
+        looks = () if ahead is None else ahead.steps()
+        self._background.start(chain(instead, looks, outlook.steps()))
 
     def _told_ahead(self, asker: Asker, answer: Answer) -> AfterAnswer | None:
         """Return the asker after an answer, if computed, and give up the other computations."""
@@ -804,15 +827,30 @@ class Interview(Drawing, Closing):
         outlook = now.outlook if now is not None and now.shown == id else None
         if outlook is None:
             why = [_FURTHER] if id.startswith(LEVEL) and not self._chosen.more else []
-            return {"id": id, "why": why, "to_come": None, "ready": True}
+            to_come = None if self._chosen.more else self._as_forecast()
+            return {
+                "id": id,
+                "why": why,
+                "to_come": to_come,
+                "at_least": sum(self._needed),
+                "ready": True,
+            }
         ready = outlook.ready  # read first: whatever is there by then stays
         answers, checks = self._needed
         to_come = (
-            None
+            self._as_forecast()
             if outlook.to_come is None
             else [max(answers, number) + checks for number in outlook.to_come]
         )
-        return {"id": id, "why": [*outlook.why], "to_come": to_come, "ready": ready}
+        why = [*outlook.why]
+        at_least = answers + checks
+        return {"id": id, "why": why, "to_come": to_come, "at_least": at_least, "ready": ready}
+
+    def _as_forecast(self) -> list[int] | None:
+        """Return how many questions are to come by the welcome's forecast, or None."""
+        length = None if self._prospects is None else self._prospects.length()
+        left = 0 if length is None else length - self._put_so_far - 1
+        return [left, left] if left >= max(1, sum(self._needed)) else None
 
 
 def _number(text: str) -> int | None:

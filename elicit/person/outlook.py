@@ -18,7 +18,7 @@ from elicit.model.difference import tail_sums
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats
 from elicit.person.asker import Asker, Compares, tell
-from elicit.person.course.repeats import LEAST_CHECKS
+from elicit.person.course.conduct import LEAST_CHECKS
 from elicit.person.showing import Shown, printable
 from elicit.tutors.erring_tutor import says_left
 
@@ -233,10 +233,11 @@ def what_is_open(shown: Shown, comparator: Comparator) -> str | None:
         level, (high,) = int(one[0]), rest
         if low < level < high:
             least, most = _place(comparator, int(low), level, int(high))
+            so_far = f" So far it is between {least} and {most}{sure}."
             return (
                 f"We don't yet know how good you think “{labels[level]}” is, from 0 "
-                f"({labels[low]}) to 100 ({labels[high]}). So far it is between {least} and "
-                f"{most}{sure}."
+                f"({labels[low]}) to 100 ({labels[high]})."
+                f"{so_far if (least, most) != (0, 100) else ''}"
             )
     total = float(left.sum())
     worth = np.array([float(bound[0]) for bound in bounds_of(comparator, d[None, :])]) * (

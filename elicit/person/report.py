@@ -26,7 +26,7 @@ th, td { box-sizing: border-box; text-align: left; vertical-align: top; font-wei
   border-top: 1px solid #d9e0e6; }
 thead th, thead td { font-size: .85rem; color: #4a5864; border-top: 0; vertical-align: bottom; }
 .number { text-align: right; } .guess { width: 12%; } .range { width: 16%; } .drawn { width: 48%; padding: 0 1.2rem; }
-.scale tbody * { vertical-align: middle; } .nr { width: 2.4rem; } .when { width: 9.8rem; } .remarks { width: 28%; }
+.scale tbody * { vertical-align: middle; } .nr { width: 3.2rem; overflow-wrap: normal; } .when { width: 11.2rem; } .remarks { width: 28%; }
 svg { display: block; width: 100%; overflow: visible; }
 .conflict { border: 1.5px solid #b45f00; background: #fff4dc; border-radius: 8px; padding: .2rem 1rem;
   margin: .8rem 0; }
@@ -39,7 +39,7 @@ dd { margin: 0; overflow-wrap: anywhere; }
 @media (max-width: 34rem) {
   body { margin-top: 1rem; } table { font-size: .9rem; } th, td { padding: .3rem .2rem; }
   .drawn { width: 32%; padding: 0 .8rem; } .guess { width: 14%; } .range { width: 24%; }
-  .nr { width: 1.4rem; } .when { width: 6rem; } .remarks { width: 22%; }
+  .nr { width: 2rem; } .when { width: 6rem; } .remarks { width: 22%; }
 }
 @media print {
   body { margin: 0; max-width: none; font-size: 11pt; } thead { display: table-header-group; }
@@ -106,7 +106,8 @@ def report_page(
     name = title or "Your judgement"
     parts = [
         f"<h1>{escaped(name)}: a report</h1>",
-        f'<p class="soft">{escaped(when)}. {escaped(counted(end["counts"]))}</p>',
+        f'<p class="soft">{escaped(when)}. {escaped(counted(end["counts"]))} '
+        f"{escaped(end.get('by_chance', ''))}</p>",
     ]
     if waiting:
         parts.append(
@@ -218,7 +219,7 @@ def _scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> Iterator[str]:
     said = (
         "Values go from 0, the worst level, to 100, the best. A level at 60 is as good to you as "
         "60 of 100 at the best level and 40 at the worst. The bar is what is still possible, and "
-        "the dot is the best guess. A dashed bar is a level that no answer is about."
+        "the dot is the best guess. A dashed bar is a level that is still unknown."
     )
     yield f'<table class="scale">\n<caption>{said} The ranges hold {escaped(certainty)}.</caption>'
     marks = "".join(f'<text x="{x}%" y="14" text-anchor="middle">{x}</text>' for x in (0, 50, 100))
@@ -232,7 +233,7 @@ def _scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> Iterator[str]:
     for i, row in enumerate(rows):
         low, high = row["low"], row["high"]
         between = "fixed" if low == high else f"{low:.0f} to {high:.0f}"
-        known = row.get("asked", True)
+        known = row.get("asked", True) and (low > 0 or high < 100)
         colour = colour_of(1.0 - i / max(1, len(rows) - 1)) if known else None
         picture = interval_picture(low, row["value"], high, colour)
         guess = f"{row['value']:.0f}" if known else "unknown"

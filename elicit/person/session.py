@@ -9,7 +9,7 @@ and ``answer``. The log alone says where the session stands (``elicit.person.rep
 import copy
 import secrets
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from os import PathLike
@@ -435,6 +435,26 @@ class Session(Closing):
         if not self.makes_askers:
             raise ValueError("to suppose other answers the session must make a new asker")
         return self._replayed.supposing(without, meant)
+
+    def restarts(self, query: Query, swapped: bool) -> Iterator[None]:
+        """Return steps that make ready what follows an answer to a query in place of the asker's.
+
+        Another thread may go through them while the person reads. Nothing changes.
+
+        Parameters
+        ----------
+        query : Query
+            The pending query.
+        swapped : bool
+            True if it is shown right to left.
+
+        Returns
+        -------
+        iterator
+        """
+        who = self.answering(query)
+        verdicts = (Verdict.BETTER, Verdict.WORSE, Verdict.EQUAL, None)
+        return self._replayed.restarts([Answer(query, one, swapped, who) for one in verdicts])
 
     def conflicts(self) -> tuple[tuple[Entry, ...], ...]:
         """Return sets of answers that contradict each other, whatever the scale.

@@ -196,6 +196,7 @@ def choice_conclusion(
         as_far = "" if result.status is Status.DONE else ", as far as you tell them apart"
         headline = f"By your answers “{result.name}” is best{as_far}. {no_better}"
         after = "You can stop here."
+        after += " More answers would make it surer." if result.loss_bound > 0 else ""
     else:
         headline = f"The choice is open. The best guess so far is “{result.name}”."
         after = f"Another alternative may be better by as much as {most}. More answers help."

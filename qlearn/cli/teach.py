@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import shlex
 import sys
@@ -27,6 +28,11 @@ _PORT = Number(int, lambda n: 0 <= n <= 65535, "a port, from 1 to 65535, or 0 fo
 _HOST = "127.0.0.1"
 _AUDIT = 0.1
 LONGEST_NAME = 80
+_WANTED_WORDS = {
+    "title": "A title",
+    "unit": "What one count is, in the plural, such as patients or days",
+    "preamble": "A sentence on what is compared, for the person who answers",
+}
 RECIPE = "recipe"
 """The field of a log's header that holds the options of ``qlearn teach`` that began it."""
 _MOST_PEOPLE = 50
@@ -248,9 +254,11 @@ def run(
         return run_study(plan, taught_now, how["host"], how["port"], how["let_others_in"])
     try:
         who = how["who"] or (None if log else _asked_name())
+        path = log or Path(f"answers-{short}{'' if who is None else f'-{in_a_path(who)}'}.jsonl")
+        if name.lower().endswith(".csv") and not path.exists():  # a log has its words already
+            _ask_words(Path(name))
     except KeyboardInterrupt:
         return 130
-    path = log or Path(f"answers-{short}{'' if who is None else f'-{in_a_path(who)}'}.jsonl")
     again = ["qlearn", "teach", "--problem", name, "--comparator", comparator, "--log", str(path)]
     again += same
     again += [] if questions is None else ["--questions", str(questions)]
@@ -387,6 +395,31 @@ def _asked_name() -> str | None:
             return _name_parser(said)
         except argparse.ArgumentTypeError as error:
             print(f"{error}.")
+
+
+def _ask_words(table: Path) -> None:
+    """Ask for the words of a CSV file that has none, and write them beside it.
+
+    Nothing is asked or written if nobody is there to ask, and nothing is written if every line is
+    empty.
+    """
+    beside = table.with_suffix(".words.json")
+    if not sys.stdin.isatty() or not table.exists() or beside.exists():
+        return
+    print(f"{table.name} does not say what its counts stand for. Enter leaves a line out.")
+    said: dict[str, str] = {}
+    for field, wanted in _WANTED_WORDS.items():
+        print(f"{wanted}: ", end="", flush=True)
+        if text := " ".join(sys.stdin.readline().split()):
+            said[field] = text
+    if not said:
+        return
+    try:
+        beside.write_text(json.dumps(said, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    except OSError as error:
+        print(f"This was not written down: {error}.")
+    else:
+        print(f"Written to {beside}, where you can change it.")
 
 
 def in_a_path(who: str) -> str:

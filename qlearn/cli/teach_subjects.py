@@ -43,6 +43,7 @@ from qlearn.problems.families.words import WORDS
 
 _SESSIONS = {"polytope": 12, "posterior": 4}  # simulated; one takes about 1 s, and 8 to 25 s
 _RANDOM = (30, 3, 5, 0.9)  # states, actions, levels, discount
+_KINDS = {"posterior": " (allows for errors)", "polytope": " (takes every answer for right)"}
 _NAMED = 6  # alternatives up to which the welcome names them
 
 
@@ -129,8 +130,8 @@ def _facts(
         "scales that it assumed before your first answer.",
     }
     of = (
-        ("Problem", f"{name} ({header['problem']})"),
-        ("Comparator", comparator),
+        ("Problem", f"{name} ({header['problem'][:12]})"),
+        ("Comparator", f"{comparator}{_KINDS.get(comparator, '')}"),
         *more,
         ("Seed", f"{seed}"),
     )

@@ -312,6 +312,8 @@ def report_lines(screen: dict[str, Any], width: int) -> list[str]:
         lines.append(
             f"{counts['alike']} of {counts['repeated']} repeated {questions} answered as before."
         )
+    if end["by_chance"]:
+        lines.append(end["by_chance"])
     cautions = (end["caution"], *end["remarks"])
     said = (end["headline"], *cautions, end["sure"], end["before"], end["next"])
     lines += [sentence for sentence in said if sentence]
@@ -354,8 +356,9 @@ def scale_report(rows: Sequence[ScaleRow], certainty: str, width: int) -> list[s
     lines = textwrap.wrap(said, width)
     for row in rows:
         known = "" if row.low == row.high else f"{row.low:.0f} to {row.high:.0f}"
-        guess = f"{row.value:.0f}" if row.asked else "unknown"
-        picture = _bar(row.low, row.value if row.asked else None, row.high, bar)
+        guessed = row.asked and (row.low > 0 or row.high < 100)
+        guess = f"{row.value:.0f}" if guessed else "unknown"
+        picture = _bar(row.low, row.value if guessed else None, row.high, bar)
         line = f"    {row.label[:name]:{name}} {guess:>7}  {known:9}"
         lines.append(f"{line}  {picture if bar >= _LEAST_BAR else ''}".rstrip())
     return lines

@@ -7,6 +7,7 @@ them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -18,6 +19,8 @@ Kind = Literal["a", "b", "equal", "cannot tell"]
 
 ORDER = "order/"
 """Start of the id of a check question about two neighbouring levels."""
+IN_CONFLICT = "in conflict"
+"""The metadata of an answer that was taken back because it contradicted others."""
 SETTLED = "settled/"
 """Start of the id of an answer that stands for two that differed."""
 UNSURE_OFFER = 3
@@ -25,10 +28,19 @@ UNSURE_OFFER = 3
 _UNSURE = 12  # answers "cannot tell" in a row after which the questions are said not to work
 _EQUAL = 10  # answers "equally good" in a row
 _SIDE = 12  # choices of one side in a row: by chance 1 in 2,048, for sides are shuffled
+_TAKEN_BACK = 6  # answers taken back as contradictions, and a share, after which that is said
+_SHARE_TAKEN_BACK = 1 / 2  # of the answers that were given
 _FEW = 3  # answers of one kind that are worth a remark at the end
 _SIDE_AT_END = 8
 _DIFFERED = 2  # checks answered otherwise that are worth a remark
-_CHANCE = 0.4  # share of them, of which half is expected of answers by chance
+_BY_CHANCE = 0.5  # share of the checks that answers by chance answer otherwise, at least
+_BY_SLIPS = 0.15  # share that somebody answers otherwise who means the answers
+_LIKELIER = 2.0  # so many times likelier by chance is said
+LEAST_CHECKS = 5
+"""Checks before the end. Answers by chance pass so many in at most 1 of 32 cases."""
+MOST_CHECKS = 11
+"""Checks after which whoever has not passed is told so."""
+_MORE_ALIKE = 2  # further checks that must be answered alike for each that was not
 
 
 def choice_of(answer: Answer) -> Kind:
@@ -71,6 +83,8 @@ class Conduct:
         The last choice on the screen; None if there is no answer.
     in_a_row
         How many answers at the end are that choice.
+    taken_back
+        Answers taken back because they contradicted others.
     """
 
     answered: int
@@ -79,6 +93,7 @@ class Conduct:
     differed: int
     last: Kind | None
     in_a_row: int
+    taken_back: int = 0
 
     @staticmethod
     def of(log: Sequence[Entry]) -> Conduct:
@@ -105,12 +120,46 @@ class Conduct:
             + sum(entry.answer.verdict is Verdict.WORSE for entry in order),
             last=last,
             in_a_row=row,
+            taken_back=sum(IN_CONFLICT in (entry.retraction or {}) for entry in log),
         )
+
+    @property
+    def given(self) -> int:
+        """Answers that stand, without repeats, and those taken back as contradictions."""
+        return self.answered + self.taken_back
 
     @property
     def like_chance(self) -> bool:
         """True if the checks were answered about as they are by chance."""
-        return self.differed >= _DIFFERED and self.differed >= _CHANCE * self.checks
+        likelier = (_BY_CHANCE / _BY_SLIPS) ** self.differed
+        likelier *= ((1 - _BY_CHANCE) / (1 - _BY_SLIPS)) ** (self.checks - self.differed)
+        return self.differed >= _DIFFERED and likelier >= _LIKELIER
+
+    @property
+    def passed(self) -> bool:
+        """True if there were enough checks, and enough of them were answered alike.
+
+        About 6% of people who answer by chance come so far, and 98% of those who answer one check
+        in 20 differently.
+        """
+        alike = self.checks - self.differed
+        return alike >= LEAST_CHECKS + _MORE_ALIKE * self.differed
+
+    @property
+    def unresolved(self) -> bool:
+        """True if some check was answered otherwise, and more checks would tell what it means."""
+        may = self.checks < MOST_CHECKS and not self.like_chance
+        return self.differed > 0 and may and not self.passed
+
+    @property
+    def by_chance(self) -> str:
+        """A sentence on how often answers by chance would do as well in the checks, or ""."""
+        if not self.checks:
+            return ""
+        as_well = sum(math.comb(self.checks, n) for n in range(self.differed + 1))
+        cases = 2**self.checks // as_well
+        often = "half of the cases or more" if cases < 2 else f"at most 1 of {cases} cases"
+        return f"Answers by chance would do as well in {often}."
 
     @property
     def offers(self) -> bool:
@@ -148,7 +197,17 @@ class Conduct:
                 f"You chose {side} {n} times in a row, although the sides are shuffled. Answers "
                 "that do not depend on the question would look the same."
             )
-        if self.like_chance or (at_end and self.differed and 2 * self.differed >= self.checks):
+        back = self.taken_back
+        if back >= _TAKEN_BACK and back >= _SHARE_TAKEN_BACK * self.given:
+            return (
+                f"You took back {back} answers because they contradicted others. Perhaps one that "
+                "you kept is not what you mean."
+            )
+        few_alike = 2 * self.differed >= max(self.checks, 1) or (
+            self.differed >= _DIFFERED and not self.passed
+        )
+        failed = self.checks >= MOST_CHECKS and not self.passed
+        if self.like_chance or failed or (at_end and few_alike):
             return (
                 f"You answered {self.differed} of {self.checks} check questions differently from "
                 "before, or against the order of the levels. Answers given by chance would look "

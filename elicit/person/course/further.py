@@ -131,15 +131,13 @@ def order_question(k: int, level: int) -> Query:
 
 
 def _about(comparator: Comparator, level: int, pair: _LevelPair, of: int) -> Iterator[Query]:
-    """Return the questions about a level whose answer is open, the most open first."""
+    """Return the open questions about a level: the coarser ones first, then the most open."""
     for total in dict.fromkeys((of, 10 * of)):
         least, most = bounds_of(comparator, _differences(comparator.k, level, pair, total))
         width = np.rint(np.minimum(-least, most) / _GRID)
         open_still = [row for row in np.argsort(-width, kind="stable").tolist() if width[row] > 1]
         for row in open_still:
             yield _query(comparator.k, level, pair, row + 1, total)
-        if open_still:
-            return
 
 
 def _differences(k: int, level: int, pair: _LevelPair, total: int) -> Floats:

@@ -5,14 +5,11 @@ from dataclasses import replace
 
 from elicit._support.hashing import Seed, fold, key_of, name_code, uniform
 from elicit.model.query import Answer, Query
-from elicit.person.course.conduct import ORDER, SETTLED, Conduct, repeats_in
+from elicit.person.course.conduct import MOST_CHECKS, ORDER, SETTLED, Conduct, repeats_in
 from elicit.tutors.answer_log import REPEATS, AnswerLog
 
 _AGAIN = " again"  # suffix of the id of a query that is put again
 _EVERY = 4  # answers for each check, where the interview wants some
-LEAST_CHECKS = 4
-"""Checks before the end. Who answers by chance passes so many in 1 of 16 cases."""
-_TIMES = 3  # more checks answered alike than otherwise, at least, before the end
 
 
 class Repeats:
@@ -48,10 +45,7 @@ class Repeats:
         """
         log = [*self._log]
         conduct, again = Conduct.of(log), repeats_in(log)
-        agreed = conduct.checks - conduct.differed
-        if conduct.checks >= LEAST_CHECKS and agreed > _TIMES * conduct.differed:
-            return None
-        if conduct.like_chance or conduct.differed > 2:
+        if conduct.passed or conduct.like_chance or conduct.checks >= MOST_CHECKS:
             return None
         standing = [entry for entry in log if not entry.retracted]
         first = [entry.answer for entry in standing if not entry.repeat]

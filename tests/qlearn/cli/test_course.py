@@ -84,7 +84,10 @@ def interviewed(says: Says, log: AnswerLog | None = None, **how: Any) -> Any:
         Interview(session, told.subject) as interview,
     ):
         person = Person(interview, says, **how)
-        return person.until("end", MOST), person.stages
+        person.until("end", MOST)
+        while person.screen["stage"] == "conflict":  # which the last answer may have made
+            person.step()
+        return person.screen, person.stages
 
 
 @pytest.mark.parametrize("choice", ALIKE)
@@ -98,7 +101,7 @@ def test_one_who_always_says_the_same_gets_an_end_that_says_so(choice: str) -> N
 
 
 def test_most_who_answer_by_chance_get_an_end_that_says_so() -> None:
-    said, seeds = 0, range(scaled(4, 8))
+    said, seeds = 0, range(scaled(8, 40))
     for seed in seeds:
         chance = random.Random(seed)
         choices = ("a", "b") if seed % 2 else ALIKE
@@ -107,8 +110,11 @@ def test_most_who_answer_by_chance_get_an_end_that_says_so() -> None:
         end = screen["end"]
         said += end["caution"] is not None
         # who passes all checks by chance cannot be told from one who means it
-        assert end["caution"] is not None or end["counts"]["repeated"] >= 2
-    assert said >= 0.75 * len(seeds)
+        assert end["by_chance"].startswith("Answers by chance would do as well in ")
+        if end["caution"] is None and end["settled"]:
+            cases = int(end["by_chance"].split(" of ")[1].split()[0])
+            assert cases >= 25
+    assert said >= 0.85 * len(seeds)
 
 
 def test_a_truthful_person_is_told_nothing_of_the_kind() -> None:
@@ -166,14 +172,16 @@ def test_after_few_answers_only_what_holds_for_every_plausible_scale_is_claimed(
         assert [row["asked"] for row in reversed(end["scale"])] == [i in asked for i in range(5)]
         if answers == 0:
             assert "nothing is known about your values" in end["headline"].lower()
-            assert not end["changes"]["rows"]
+            assert end["changes"] is None
+            assert not end["sure"]
         names = {MDP.state_name(s): s for s in range(MDP.n_states)}
-        for state, other, mine in end["changes"]["rows"]:
+        listed = end["changes"]["rows"] if end["changes"] else []
+        for state, other, mine in listed:
             s, (a, b) = names[state], (int(mine), int(other))
             assert (((result.q[s, a] - result.q[s, b]) @ scales.T) > 0).all()
         table = {row["state"]: row["change"] for row in interview.table("policy")}
         certain = [state for state, change in table.items() if change == "certain"]
-        assert certain == [row[0] for row in end["changes"]["rows"]]
+        assert certain == [row[0] for row in listed]
         unknown = [row["value"] is None for row in interview.table("scale")]
         assert unknown == [not row["asked"] for row in end["scale"]]
 
@@ -498,7 +506,7 @@ def test_prospects_agree_with_expected_bounds() -> None:
     told = taught(tolerance=0.001)
     with Session(told.make, AnswerLog()) as session:
         asker = session.current_asker()
-        found = Prospects(asker, [7, 9, 40], 0, lambda _: False)
+        found = Prospects(asker, [8, 10, 40], 0, lambda _: False)
         for _ in found.steps():
             pass
     few, more, all_ = found.found()
@@ -540,7 +548,12 @@ def test_each_choice_of_a_conflict_says_what_it_leaves(choice: int) -> None:
         said = left["choices"][choices[choice]]
         interview.handle({"do": "settle", "id": conflict["id"], "choice": choices[choice]})
         used = sum(e.used and e.answer.verdict is not None for e in log)
-        assert said == f"Keeps {used} of {n} answers."
+        assert said.endswith(f"Keeps {used} of {n} answers.")
+        rows = {row["label"]: row for row in interview.handle({"do": "result"})["end"]["scale"]}
+        worth = re.findall(r"Then “(.+?)” is worth (\d+) to (\d+)\.", said)
+        assert worth or "can be worth anything" in said
+        for label, low, high in worth:
+            assert (rows[label]["low"], rows[label]["high"]) == (int(low), int(high))
         assert not interview.handle(ask)["choices"]
 
 

@@ -1,6 +1,7 @@
 """A person at the terminal: what she answers is kept, and what comes out is what she said."""
 
 import io
+import json
 import random
 import re
 import sys
@@ -536,7 +537,31 @@ def test_choices_of_a_conflict_say_what_each_leaves(
     typed = "".join(f"{chance.choice('ab')}\n" for _ in range(60))
     _, shown, _ = taught(typed, monkeypatch, capsys, table, "--comparator", "polytope")
     said = " ".join(shown.split())
-    assert re.search(r"1: [^:]+?\. Keeps \d+ of \d+ answers\.", said)
+    worth = r"Then “ill” (is worth \d+ to \d+|can be worth anything)\."
+    assert re.search(rf"1: [^:]+?\. {worth} Keeps \d+ of \d+ answers\.", said)
+
+
+def test_words_that_a_table_lacks_are_asked_for_and_written_beside_it(
+    table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(Typed, "isatty", lambda _: True)
+    code, shown, errors = taught("\n" * 4 + "q\n", monkeypatch, capsys, table)
+    assert code == 0
+    assert "care.words.json" in errors  # nothing was said, so the hint comes
+    assert not Path("care.words.json").exists()
+    Path("answers-care.jsonl").unlink()
+    typed = "Ann\nHip care\npatients\n\nq\n"
+    code, shown, errors = taught(typed, monkeypatch, capsys, table)
+    assert code == 0
+    assert "Written to care.words.json, where you can change it." in shown
+    assert json.loads(Path("care.words.json").read_text()) == {
+        "title": "Hip care",
+        "unit": "patients",
+    }
+    assert "Two groups of 10 patients" in shown
+    assert "words.json" not in errors
+    _, shown, _ = taught("Ann\nq\n", monkeypatch, capsys, table)  # once
+    assert "stand for" not in shown
 
 
 def test_names_in_a_file_cannot_steer_the_terminal(
@@ -750,6 +775,7 @@ def test_two_people_in_one_folder_have_a_log_each(
 def test_a_terminal_asks_for_a_name_once_and_enter_passes_on(
     table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    Path("care.words.json").write_text("{}")
     monkeypatch.setattr(Typed, "isatty", lambda _: True)
     _, shown, _ = taught("Ann\na\na\nq\n", monkeypatch, capsys, table)
     assert shown.startswith("Your name or a pseudonym")

@@ -16,7 +16,8 @@ const NUMBERS = ["no", "one", "two", "three", "four", "five", "six", "seven", "e
 export function mount(root, send, options = {}) {
   const {
     keys = root,
-    later = "To go on, ask for a new address, or start the same command again. It continues where you are now.",
+    later = "To go on, come back to this page in the same browser. If it no longer opens, ask whoever gave you its address for " +
+      "a new one, or start the same command again. It continues where you are now.",
     where = "on this computer",
     seen = ["It stays here.", "Your answers are saved on this computer. Others see them only if you share them."],
     titled = () => {},
@@ -200,12 +201,13 @@ export function mount(root, send, options = {}) {
     if (most !== null) expected = done + 1 + most;
     const all = Math.min(screen.budget ?? Infinity, expected ?? Infinity);
     bar.firstChild.style.width = screen.stage === "end" ? "100%" : all < Infinity ? `${Math.min(100, (100 * done) / all)}%` : "0";
-    bar.hidden = ["welcome", "practice"].includes(screen.stage);
+    bar.hidden = ["welcome", "practice"].includes(screen.stage) || (all === Infinity && screen.stage !== "end");
   }
 
   function foot() {
     const n = screen.answered;
-    const words = n ? `${n} ${n === 1 ? "answer" : "answers"} saved ${where}` : "Nothing answered yet";
+    const again = screen.checks ? ` and ${screen.checks} ${screen.checks === 1 ? "check" : "checks"}` : "";
+    const words = n ? `${n} ${n === 1 ? "answer" : "answers"}${again} saved ${where}` : "Nothing answered yet";
     const tick = part("span", "tick", { "aria-hidden": "true" }, ["✓ "]);
     if (!saved.textContent.endsWith(words)) saved.replaceChildren(...(n ? [tick, words] : [words]));
     const going = screen.stage !== "end" && screen.stage !== "welcome";
@@ -412,7 +414,7 @@ export function mount(root, send, options = {}) {
     const sooner = screen.time.planned && (!beside.to_come || screen.budget - screen.answered <= beside.to_come[1]);
     progress.lastChild.textContent = sooner
       ? planned(screen.time, screen.answered, screen.budget)
-      : toCome(beside.to_come, screen.time.pace);
+      : toCome(beside.to_come, screen.time.pace, beside.at_least);
     fill(beside.to_come ? beside.to_come[1] : null);
     const why = body.querySelector(".why");
     why?.querySelectorAll("p").forEach((p) => p.remove());
@@ -448,7 +450,7 @@ export function mount(root, send, options = {}) {
     for (const said of [caution, ...remarks].filter(Boolean)) top.push(part("p", "caution", {}, [said]));
     const facts = [
       ["How sure", screen.end.sure], ["Before", screen.end.before], ["Next", screen.end.next], ["You gave", given],
-      ["Checks", checks(counts)],
+      ["Checks", `${checks(counts)} ${screen.end.by_chance}`.trim()],
     ].filter(([, text]) => text);
     top.push(part("dl", "facts", {}, facts.flatMap(([a, b]) => [part("dt", "", {}, [a]), part("dd", "", {}, [b])])));
     const doing = [button("pick", "Download report", keep)];
@@ -724,18 +726,19 @@ function worth(scale, certainty) {
   );
   const rows = scale.map(({ label, value, low, high, asked }, i) => {
     const range = low === high ? "fixed" : `${low} to ${high}`;
+    const known = asked && !(low <= 0 && high >= 100);
     const name = asked ? [label] : [label, part("span", "soft small never", {}, ["never asked"])];
     return part("tr", "", {}, [
       part("th", "", { scope: "row" }, name),
-      part("td", "drawn", {}, [interval(low, value, high, colourOf(scale.length - 1 - i, scale.length), asked)]),
-      part("td", "number", {}, [asked ? String(Math.round(value)) : "unknown"]),
+      part("td", "drawn", {}, [interval(low, value, high, colourOf(scale.length - 1 - i, scale.length), known)]),
+      part("td", "number", {}, [known ? String(Math.round(value)) : "unknown"]),
       part("td", "number", {}, [range]),
     ]);
   });
   const said =
     "From 0, the worst level, to 100, the best. A level at 60 is as good to you as 60 of 100 at the best level and 40 " +
-    "at the worst. The bar is what is still possible, and the dot is the best guess. A dashed bar is a level that no " +
-    "answer is about.";
+    "at the worst. The bar is what is still possible, and the dot is the best guess. A dashed bar is a level that is " +
+    "still unknown.";
   const table = part("table", "worth", {}, [
     part("caption", "soft", {}, [`${said} The ranges hold ${certainty}.`]),
     part("thead", "", {}, [part("tr", "", {}, head)]),
@@ -776,8 +779,8 @@ function planned({ planned: minutes, spent }, answered, budget) {
   return `${answered} answered, time for about ${more} more (${left < 1 ? "under 1" : left} of ${minutes} minutes left)`;
 }
 
-function toCome(range, seconds) {
-  if (!range) return "";
+function toCome(range, seconds, atLeast) {
+  if (!range) return atLeast ? `at least ${atLeast} more` : "";
   const [least, most] = range;
   if (most === 0) return "probably the last one";
   const minutes = Math.max(1, Math.round((most * seconds) / 60));

@@ -1,12 +1,20 @@
 """How a person answered is read from the log alone."""
 
+import random
 from typing import Any
 
 import numpy as np
 import pytest
 
 from elicit import Answer, AnswerLog, Query, Verdict
-from elicit.person.course.conduct import ORDER, Conduct, choice_of, differs, repeats_in
+from elicit.person.course.conduct import (
+    IN_CONFLICT,
+    ORDER,
+    Conduct,
+    choice_of,
+    differs,
+    repeats_in,
+)
 from elicit.tutors.answer_log import EXPECTED, REPEATS, RESOLVED
 
 LEFT, RIGHT = np.array([0.0, 1.0, 0.0]), np.array([0.5, 0.0, 0.5])
@@ -76,6 +84,55 @@ def test_answers_that_differ_as_often_as_by_chance_are_said() -> None:
     assert "2 of 3 check questions" in str(conduct(log).caution())
     assert [differs(entry) for entry in repeats_in(log)] == [False, True, True]
     assert conduct(log).answered == 6
+
+
+@pytest.mark.parametrize(
+    ("alike", "differed", "passed", "chance", "cases"),
+    [
+        (4, 0, False, False, "at most 1 of 16 cases"),
+        (5, 0, True, False, "at most 1 of 32 cases"),
+        (6, 1, False, False, "at most 1 of 16 cases"),
+        (7, 1, True, False, "at most 1 of 28 cases"),
+        (9, 2, True, False, "at most 1 of 30 cases"),
+        (3, 2, False, True, "at most 1 of 2 cases"),
+        (4, 2, False, False, "at most 1 of 2 cases"),
+        (1, 1, False, False, "half of the cases or more"),
+        (8, 3, False, False, "at most 1 of 8 cases"),
+    ],
+)
+def test_checks_are_passed_or_look_like_chance(
+    alike: int, differed: int, passed: bool, chance: bool, cases: str
+) -> None:
+    one = Conduct(20, 20, alike + differed, differed, "a", 1)
+    assert (one.passed, one.like_chance) == (passed, chance)
+    assert one.by_chance == f"Answers by chance would do as well in {cases}."
+    assert (one.caution() is not None) == (chance or (one.checks >= 11 and not passed))
+
+
+@pytest.mark.parametrize(("back", "stand", "said"), [(5, 1, False), (6, 6, True), (6, 7, False)])
+def test_many_answers_taken_back_as_contradictions_are_said(
+    back: int, stand: int, said: bool
+) -> None:
+    log = log_of(*"ab" * 7)
+    for entry in [*log][:back]:
+        log.retract(entry.answer.query.id, **{IN_CONFLICT: True})
+    for entry in [*log][back + stand :]:
+        log.retract(entry.answer.query.id)
+    assert (conduct(log).taken_back, conduct(log).given) == (back, back + stand)
+    assert (conduct(log).caution() is not None) == said
+
+
+def test_few_pass_the_checks_by_chance() -> None:
+    chance, passed, n = random.Random(0), 0, 4000
+    for _ in range(n):
+        checks = differed = 0
+        while True:
+            one = Conduct(20, 20, checks, differed, "a", 1)
+            if one.passed or one.caution() is not None:
+                break
+            checks, differed = checks + 1, differed + (chance.random() < 0.5)
+        passed += one.passed
+    assert 0.04 < passed / n < 0.08
 
 
 def test_a_repeat_that_the_person_settled_still_counts_and_one_taken_back_does_not() -> None:

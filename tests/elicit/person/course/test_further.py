@@ -59,11 +59,15 @@ def test_levels_that_no_answer_is_about_come_first() -> None:
 
 
 def test_a_question_that_was_answered_is_not_put_again() -> None:
-    knows, seen = PolytopeComparator(3), set[str]()
-    while query := level_question(knows, 10, lambda query: query.id in seen):
-        assert query.id not in seen
-        seen.add(query.id)
-    assert len(seen) == 9
+    knows, seen = PolytopeComparator(3), list[int]()
+
+    def share(query: Query) -> int:
+        return round(100 * float(query.right[2]))
+
+    while query := level_question(knows, 10, lambda query: share(query) in seen):
+        seen.append(share(query))
+    assert sorted(seen[:9]) == [*range(10, 100, 10)]  # tenths come first
+    assert sorted(seen) == [*range(1, 100)]
 
 
 def test_it_ends_where_everything_is_known_or_nothing_can_be() -> None:
