@@ -136,6 +136,7 @@ PAGES = (  # a notebook after the tables that it reads
         10,
         "peers",
     ),
+    results("RESULTS-single-precision", "posteriors.single_precision", 1),
     results("RESULTS-people", "people.answers_of_people results/people", 20),
     results("RESULTS-people-gains", "people.gains results/people", 10),
     results("RESULTS-promise", "people.promise --jobs 2", 60),
