@@ -2,8 +2,7 @@
 
 A call from Python of a function that is ``compiled`` runs machine code where that is on the disk;
 else the function and all that it calls are interpreted, to the same numbers, until that has taken
-about as long as it would take to compile them. So a few lines wait for no compiler, and what takes
-minutes is compiled after seconds.
+five seconds. So a few lines wait for no compiler, and what takes minutes is compiled after seconds.
 
 ``NUMBA_DISABLE_JIT=1`` interprets always; ``ELICIT_COMPILE_FIRST=1`` compiles at the first call.
 """
@@ -34,8 +33,10 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 _settings: Any = config
 _unliteral: Any = types.unliteral
-_SECONDS_A_BYTE = 5e-4  # of bytecode, to compile it: to within a factor of two
-_SECONDS_TO_BEGIN = 0.5  # of the first that a process compiles
+# CPU seconds that a function and what it calls are interpreted before they are compiled. What a
+# first run costs is nearly the same with 5 and with a guess from the length of each function's
+# bytecode. With 2, README's example compiles what it hardly needs (24 s in place of 4).
+_PATIENCE = 5.0
 
 
 def compiled(function: F) -> F:
@@ -162,22 +163,11 @@ class Compiled:
         return result
 
     def expect(self, seconds: float) -> None:
-        """Compile the function when called, once the seconds of interpreting are too many.
+        """Compile the function when called, once the seconds of interpreting exceed ``_PATIENCE``.
 
         Past and coming seconds count.
         """
-        self._lasts = self._lasts or self._spent + seconds > self._patience
-
-    @cached_property
-    def _patience(self) -> float:
-        """About as many seconds as it takes to compile the function and what it calls."""
-        found, new = set[Compiled](), {self}
-        while new:
-            found |= new
-            new = {other for each in new for other in _called_by(each._function).values()} - found
-        return _SECONDS_TO_BEGIN + _SECONDS_A_BYTE * sum(
-            len(each._function.__code__.co_code) for each in found
-        )
+        self._lasts = self._lasts or self._spent + seconds > _PATIENCE
 
     @cached_property
     def _may_be_kept(self) -> bool:

@@ -455,6 +455,7 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
 NOT_AGAIN = {
     "RESULTS-ivi-huge": "its least row of ours takes a minute and a half, and 2 GiB",
     "RESULTS-cold": "it has nothing but seconds",
+    "RESULTS-single-precision": "it has nothing but seconds",
     "RESULTS-promise": "each of its rows is of some hundred runs",
     **{
         page.name: "tests/whole/test_notebooks.py runs them"

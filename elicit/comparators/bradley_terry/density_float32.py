@@ -1,4 +1,7 @@
-"""Likelihoods in single precision, which are twice as fast and decide nearly all proposals.
+"""Likelihoods in single precision, which decide nearly all proposals.
+
+They save a tenth of the time at 50 answers, and half or more at 300 and beyond
+(benchmarks/RESULTS-single-precision.md).
 
 No decision depends on their rounding. Each comes with a bound on its error, and a proposal that is
 closer than that is left to double precision. So the rows may come in any order. Those that
