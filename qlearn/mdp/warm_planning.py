@@ -31,6 +31,7 @@ _ROUNDING = 1e-14  # a width that sweeps need not get below
 _COARSE = 1e-5  # a width to which single precision sweeps of shares: a hundred times its rounding
 _LARGE = 4_000_000  # products in a sweep from which single precision is worth a copy of the chain
 _MOST_COARSE = 30  # sweeps in single precision
+_AT_ONCE = 1 << 14  # states whose changes are in memory at the same time
 _SLOW = 0.8  # of the last width: sweeps that leave more get on slowly
 
 
@@ -102,10 +103,10 @@ def _followed(
     """
     if within < _COARSE and chain.nnz * v.shape[1] >= _LARGE and v.shape[1] > 1:
         v = _followed_coarsely(mdp, chain, gain, ends, v)
-    ended, new, widths = bool(mdp.terminal.any()), np.empty_like(v), list[float]()
+    ended, widths = bool(mdp.terminal.any()), list[float]()
     while True:
-        low, high = _swept(mdp, chain, gain, ends, v, new)
-        v, new, width = new, v, mdp.discount * float((high - low).max())
+        v, low, high = _swept(mdp, chain, gain, ends, v)
+        width = mdp.discount * float((high - low).max())
         if width <= max(within, _ROUNDING):
             if not ended:
                 v += _to_go(mdp, low, high)
@@ -128,10 +129,10 @@ def _followed_coarsely(
         (chain.data.astype(np.float32), chain.indices, chain.indptr), shape=chain.shape
     )
     gains, finals, now = (x.astype(np.float32) for x in (gain, ends, v))
-    new, last = np.empty_like(now), np.inf
+    last = np.inf
     for _ in range(_MOST_COARSE):
-        low, high = _swept(mdp, coarse, gains, finals, now, new)
-        now, new, width = new, now, mdp.discount * float((high - low).max())
+        now, low, high = _swept(mdp, coarse, gains, finals, now)
+        width = mdp.discount * float((high - low).max())
         if width <= _COARSE or width > _SLOW * last:
             break
         last = width
@@ -141,15 +142,15 @@ def _followed_coarsely(
 
 
 def _swept(
-    mdp: OrdinalMDP, chain: sparse.csr_array, gain: Any, ends: Any, v: Any, new: Any
-) -> tuple[Floats, Floats]:
-    """Write one sweep's values into ``new`` (S, c): ``gain`` and what v (S, c) is worth.
+    mdp: OrdinalMDP, chain: sparse.csr_array, gain: Any, ends: Any, v: Any
+) -> tuple[Any, Floats, Floats]:
+    """Return the values (S, c) after one sweep: ``gain`` and what v (S, c) is worth.
 
-    Terminal states have their ``ends`` (S, c). Returns the least and the greatest change of each
-    column.
+    Terminal states have their ``ends`` (S, c). They come with the least and the greatest change of
+    each column.
     """
 
-    def sweep(first: int, last: int) -> Floats:
+    def sweep(first: int, last: int) -> tuple[Any, Floats]:
         here = slice(first, last)
         found = some_rows(chain, first, last) @ v
         found *= mdp.discount
@@ -157,11 +158,16 @@ def _swept(
         ended = mdp.terminal[here]
         if ended.any():
             found[ended] = ends[here][ended]
-        new[here] = found
-        np.subtract(found, v[here], out=found)
-        return np.array([found.min(axis=0), found.max(axis=0)])
+        changes = []
+        for start in range(0, last - first, _AT_ONCE):  # never all changes in memory
+            some = found[start : start + _AT_ONCE]
+            moved = some - v[first + start : first + start + len(some)]
+            changes.append(np.array([moved.min(axis=0), moved.max(axis=0)]))
+        return found, np.array(_over_all(changes))
 
-    return _over_all(in_blocks(sweep, mdp.n_states, chain.nnz * v.shape[1]))
+    blocks = in_blocks(sweep, mdp.n_states, chain.nnz * v.shape[1])
+    new = blocks[0][0] if len(blocks) == 1 else np.concatenate([found for found, _ in blocks])
+    return new, *_over_all([change for _, change in blocks])
 
 
 def _improved(
