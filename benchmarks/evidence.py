@@ -168,6 +168,7 @@ PAGES = (  # a notebook after the tables that it reads
     notebook("08_beyond_tables", 4),
     notebook("09_real_people", 2),
     notebook("10_medical_scales", 1),
+    notebook("11_several_experts", 1),
 )
 
 
