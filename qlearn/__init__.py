@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from qlearn.mdp.equal_gaps import UnaskedLoss, equal_gaps_policy, unasked_loss
     from qlearn.mdp.ordinal_mdp import OrdinalMDP
     from qlearn.mdp.planning import evaluate_policy, policy_loss, value_iteration
+    from qlearn.panel.asking_for_the_worst_off import WorstOffIteration, WorstOffResult
     from qlearn.panel.following import Following, cost_of_following
     from qlearn.panel.worst_off import WorstOffPolicy, policy_for_the_worst_off
     from qlearn.problems.hidden_scales import hidden_scales
@@ -42,6 +43,7 @@ _NAMES = {  # imported when first used, so that the command line starts fast
     "qlearn.learners.q_learning": ("InteractiveQLearning",),
     "qlearn.learners.q_learning_asking_late": ("LateQLearning",),
     "qlearn.learners.value_iteration": ("InteractiveValueIteration", "LateValueIteration"),
+    "qlearn.panel.asking_for_the_worst_off": ("WorstOffIteration", "WorstOffResult"),
     "qlearn.experiments.loss_history": ("LossHistory",),
     "qlearn.mdp.equal_gaps": ("UnaskedLoss", "equal_gaps_policy", "unasked_loss"),
     "qlearn.mdp.ordinal_mdp": ("OrdinalMDP",),
@@ -90,7 +92,9 @@ __all__ = [
     "TrainedPolicy",
     "TrainingResult",
     "UnaskedLoss",
+    "WorstOffIteration",
     "WorstOffPolicy",
+    "WorstOffResult",
     "cost_of_following",
     "draw_values",
     "drive",

@@ -7,6 +7,7 @@ from typing import Any
 
 from elicit._support.hashing import Seed
 from elicit._support.seeds import seed_of
+from elicit.comparators.panel import Panel
 from elicit.model.comparator import Comparator
 from elicit.model.tutor import check_tutor_made
 from elicit.tutors.answer_log import AnswerLog
@@ -14,6 +15,7 @@ from elicit.tutors.panel import as_one_tutor
 from qlearn.experiments.catalogue import COMPARATORS, LEARNERS
 from qlearn.learners.learner import Result, Tutors, check_problem, drive
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn.panel.asking_for_the_worst_off import WorstOffIteration
 
 
 def solve(
@@ -42,7 +44,8 @@ def solve(
         Decides comparisons from the answers so far. ``"posterior"`` is for a tutor who may err.
         ``"polytope"`` is for a tutor who never errs: it proves what it says. ``"ensemble"``,
         ``"box-rescaled"`` and ``"box"`` are the paper's fits; ``elicit.catalogue`` has all names. A
-        ``Comparator`` for ``mdp.k`` levels is used as it is.
+        ``Comparator`` for ``mdp.k`` levels is used as it is. An ``elicit.Panel`` of several members
+        with ``aim="worst"`` gives a ``WorstOffResult``, by ``WorstOffIteration``.
     tolerance
         Largest acceptable loss of the policy, a share of the value range: see
         ``Result.loss_bound``. Q-learning does not stop by it.
@@ -101,6 +104,16 @@ def solve(
             "log must be None or an elicit.AnswerLog, such as AnswerLog('answers.jsonl'), not "
             f"{log!r}"
         )
+    if isinstance(knows, Panel) and knows.aim == "worst" and len(knows.people) > 1:
+        if learner != "policy-iteration":
+            raise ValueError(
+                f"learner must be 'policy-iteration' for a panel with aim='worst', not {learner!r}"
+            )
+        earlier: Any = () if log is None else log
+        worst = WorstOffIteration(
+            mdp, knows, tolerance=tolerance, seed=key, max_queries=max_queries, known=earlier
+        )
+        return drive(worst, tutor, log, progress, seed=key)
     chosen = LEARNERS[learner]
     settings: dict[str, Any] = {"tolerance": tolerance} if chosen.has_tolerance else {}
     known: Any = () if log is None else log

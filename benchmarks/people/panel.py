@@ -174,6 +174,49 @@ def described(name: str, kind: str, errs: str, found: Sequence[Run]) -> list[str
     ]
 
 
+def fewest_questions(people: int, near: float, draws: int = 20_000) -> float:
+    """Return a lower bound on the mean number of questions that decide one pair for the mean.
+
+    Each person's d.e is uniform on -1 to 1, for itself. A question has two answers and goes to one
+    person. The pair is decided once the mean is proven to be at least -near, or at most near.
+
+    Whatever is asked, the answers leave a set of values for each person, and their product lies on
+    one side. So it lies in a box l_i to 1 with a mean of the l_i of at least -near, or in the
+    mirror image of one. The mean number of yes and no answers is at least the entropy of what they
+    leave, and so at least the mean of -log2 of the probability of the largest such box.
+    """
+    x = np.random.default_rng(0).uniform(-1.0, 1.0, (draws, people))
+    return float(np.minimum(_bits(x, near), _bits(-x, near)).mean())
+
+
+def _bits(x: Floats, near: float) -> Floats:
+    """Return -log2 (n,) of the probability of the largest box around x (n, people) on one side.
+
+    Its sides 1 - l_i are as equal as they can be. inf if there is none.
+    """
+    side = 1.0 - x  # at least
+    room = x.shape[1] * (1.0 + near)
+    low, high = np.zeros(len(x)), np.full(len(x), 2.0)
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        fits = np.clip(side, middle[:, None], 2.0).sum(axis=1) <= room
+        low, high = np.where(fits, middle, low), np.where(fits, high, middle)
+    bits = -np.log2(np.clip(side, low[:, None], 2.0) / 2.0).sum(axis=1)
+    return np.asarray(np.where(side.sum(axis=1) <= room, bits, np.inf))
+
+
+def limits() -> str:
+    """Return sentences on how few questions there could be."""
+    least = ", ".join(f"{n}: {fewest_questions(n, 0.01):.1f}" for n in (1, 2, 3, 5, 10))
+    return (
+        "How few there could be: one pair, each expert's d.e uniform on -1 to 1 and independent, "
+        "the mean's sign wanted up to .01. However one chooses whom and what to ask, if each "
+        "question goes to one expert and has two answers, the mean number of questions is at "
+        f"least, by the number of experts, {least} (`fewest_questions`). One expert says the sign "
+        "at once. A sum of five has no sign until it is known how large its parts are."
+    )
+
+
 def summary(rows: Mapping[tuple[str, str, str], Sequence[Run]]) -> str:
     """Return sentences on whether bounds were held and how many questions were asked."""
     said = []
@@ -222,6 +265,7 @@ def report(problems: int, journal: Path | None = None) -> Iterator[list[str]]:
         "t-intervals.",
     ]
     yield [summary(rows)]
+    yield [limits()]
     yield markdown(HEAD, [described(*key, found) for key, found in rows.items()], 3)
 
 

@@ -541,6 +541,10 @@ class Elicitation:
             new &= ~np.array([self._is_unclear(places(i)) for i in range(len(d))], dtype=np.bool_)
         return new
 
+    def unable(self, pair: Pair) -> tuple[str, ...]:
+        """Return which of several people could not tell a pair, or contradicted themselves."""
+        return self._besides(pair, self._cannot)
+
     def _is_unclear(self, place: Place) -> bool:
         return not self._unclear.isdisjoint(place)
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from elicit._support.fixed_order import product
 from elicit._support.hashing import name_code
 from elicit._support.threads import one_thread
-from elicit._support.validation import is_number
+from elicit._support.validation import is_number, require
 from elicit.decision.comparator_rule import Rule, Settling, compares_by_rule, nothing, unaided
 from elicit.decision.verdicts import decide, decide_by
 from elicit.lp.hit_and_run import Draws
@@ -77,10 +77,14 @@ class Panel:
     weights : mapping of str to float, or sequence of float, optional
         Weight of each person's scale in the mean, above 0; only their ratios matter. Default: equal
         weights.
+    aim : "mean" or "worst"
+        The policy wanted of ``qlearn.solve``: the best for the mean scale, or the one whose
+        greatest loss to any member is the least. Verdicts and bounds are of the mean either way.
 
     Attributes
     ----------
     members : mapping of str to Comparator
+    aim : "mean" or "worst"
     weights : mapping of str to float
         Of total 1.
     people : tuple of str
@@ -93,14 +97,18 @@ class Panel:
     TypeError
         If a member is no comparator, or a name no text.
     ValueError
-        If there is no member, their numbers of levels differ, or a weight is not above 0.
+        If there is no member, their numbers of levels differ, a weight is not above 0, or ``aim``
+        is neither.
     """
 
     def __init__(
         self,
         members: Mapping[str, Comparator],
         weights: Mapping[str, float] | Sequence[float] | None = None,
+        aim: Literal["mean", "worst"] = "mean",
     ) -> None:
+        require(aim in ("mean", "worst"), "aim", "'mean' or 'worst'", aim)
+        self.aim: Literal["mean", "worst"] = aim
         if not isinstance(members, Mapping) or not members:
             raise ValueError(
                 "a panel takes its members by name, at least one, such as "
@@ -134,7 +142,7 @@ class Panel:
         return f"Panel({', '.join(self.people)}; k={self.k}, {len(self.answers)} answers)"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _again, (dict(self.members), dict(self.weights), self.answers)
+        return _again, (dict(self.members), dict(self.weights), self.answers, self.aim)
 
     def __getattr__(self, name: str) -> Any:
         """Return an optional part, if the members have what it is made of."""
@@ -227,7 +235,7 @@ class Panel:
         members = dict(self.members)
         if len(self.people) == 1:
             members = {name: member.update(answers) for name, member in members.items()}
-            return _again(members, self.weights, self.answers + answers)
+            return _again(members, self.weights, self.answers + answers, self.aim)
         for row, who in enumerate(answers.who):
             if who not in members:
                 said = "does not say who gave it" if who is None else f"is one of {who!r}"
@@ -242,7 +250,7 @@ class Panel:
                 members[name] = members[name].update(answers.of_person(name))
             except InconsistentAnswers as error:
                 raise _contradiction_of(name, error, told) from None
-        return _again(members, self.weights, told)
+        return _again(members, self.weights, told, self.aim)
 
     def whom(self, d: ArrayLike, besides: Sequence[str] = ()) -> PersonAsked | None:
         """Return whom to ask about a difference d (k,), and the difference to ask them about.
@@ -374,10 +382,14 @@ _PARTS: Mapping[str, _Combination] = {
 
 
 def _again(
-    members: Mapping[str, Comparator], weights: Mapping[str, float], answers: Answers
+    members: Mapping[str, Comparator],
+    weights: Mapping[str, float],
+    answers: Answers,
+    aim: Literal["mean", "worst"],
 ) -> Panel:
     """Return a panel of these members, which were told these answers."""
     panel = object.__new__(Panel)
+    panel.aim = aim
     panel.k = answers.k
     panel.members, panel.people = MappingProxyType(dict(members)), tuple(members)
     panel.weights, panel.answers = MappingProxyType(dict(weights)), answers

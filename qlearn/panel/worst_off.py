@@ -8,8 +8,10 @@ opposite things, half and half can leave each better off than either.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +44,9 @@ class WorstOffPolicy:
         What the policy loses each member, if their scale is their comparator's best guess.
     bounds : mapping of str to float
         Upper bounds on the same over all scales that the member's comparator holds plausible.
+    excess : float
+        Upper bound on how much more the policy's greatest loss is than the least that any policy
+        could have, over all scales that the members' comparators hold plausible.
     confidence : float
         The probability that all these bounds hold: 1 if they are proven, nan if none can be stated.
     policy : (S,) actions
@@ -54,6 +59,7 @@ class WorstOffPolicy:
     probabilities: Floats
     losses: Mapping[str, float]
     bounds: Mapping[str, float]
+    excess: float
     confidence: float
     policy: NDArray[np.int64]
     policy_losses: Mapping[str, float]
@@ -73,6 +79,8 @@ class WorstOffPolicy:
         return (
             f"The worst-off member, {worst}, loses {100 * self.greatest:.2f}% of the value range, "
             "if all scales are as the best guesses say. No policy has a smaller greatest loss.\n"
+            f"Over all scales that are still open it is within {100 * self.excess:.2f}% of the "
+            "least.\n"
             f"Loss of each, from where episodes start: {each}.\n"
             "The policy may draw its actions. The best one found that draws none has a greatest "
             f"loss of {100 * single:.2f}%."
@@ -105,25 +113,47 @@ def policy_for_the_worst_off(mdp: OrdinalMDP, panel: Panel) -> WorstOffPolicy:
     Notes
     -----
     The loss is from the MDP's initial distribution, not at the worst state as
-    ``Result.loss_bound`` is. The losses are the least for the best guesses alone. ``bounds`` says
-    what is proven of the policy for other plausible scales, but it is not chosen by them.
+    ``Result.loss_bound`` is. The losses are the least for the best guesses alone. ``bounds`` and
+    ``excess`` say what is proven of the policy for other plausible scales, but it is not chosen by
+    them. A panel with ``aim="worst"`` makes ``qlearn.solve`` ask until ``excess`` is within the
+    tolerance.
     """
+    return worst_off(mdp, panel).policy
+
+
+class WorstOff(NamedTuple):
+    """A policy for the worst-off, and what its bounds depend on.
+
+    ``telling`` names the members, the most important first, each with the differences (n, k) of
+    whole policies, and then of actions, about which an answer of theirs may narrow the bounds.
+    """
+
+    policy: WorstOffPolicy
+    telling: Callable[[], list[tuple[str, float, Floats]]]
+
+
+@one_thread
+def worst_off(mdp: OrdinalMDP, panel: Panel) -> WorstOff:
+    """Return the policy for the worst-off member, and what to ask whom about."""
     check_panel(mdp, panel)
     scales = {name: best_guess(member) for name, member in panel.members.items()}
-    probabilities = _least_greatest_loss(mdp, np.stack([*scales.values()]))
-    bounds, confidence = _bounds(mdp, probabilities, panel)
-    tried = [value_iteration(mdp, scale)[1] for scale in (*scales.values(), panel.values)]
+    probabilities, weights = _least_greatest_loss(mdp, np.stack([*scales.values()]))
+    best_of = {name: value_iteration(mdp, scale)[1] for name, scale in scales.items()}
+    proven = _bounds(mdp, probabilities, panel, weights, best_of)
+    tried = [*best_of.values(), value_iteration(mdp, panel.values)[1]]
     tried.append(np.argmax(np.round(probabilities, 9), axis=1))
     each = [_losses(mdp, policy, scales) for policy in tried]
     best = min(range(len(tried)), key=lambda i: round(max(each[i].values()), 12))
-    return WorstOffPolicy(
+    found = WorstOffPolicy(
         probabilities,
         _losses(mdp, probabilities, scales),
-        bounds,
-        confidence,
+        proven.bounds,
+        proven.excess,
+        proven.confidence,
         tried[best],
         each[best],
     )
+    return WorstOff(found, partial(_telling, mdp, panel, proven))
 
 
 def _losses(
@@ -135,8 +165,11 @@ def _losses(
     }
 
 
-def _least_greatest_loss(mdp: OrdinalMDP, scales: Floats) -> Floats:
+def _least_greatest_loss(mdp: OrdinalMDP, scales: Floats) -> tuple[Floats, Floats]:
     """Return the chances (S, A) of actions under which the greatest loss on scales (n, k) is least.
+
+    Also return the weights (n,) of the members, of total 1, which prove that (the dual solution):
+    no policy has a smaller weighted mean of losses.
 
     The unknowns of the program are the occupancy of each admissible (s, a) where s goes on, in
     total at most 1, and the greatest loss.
@@ -174,14 +207,42 @@ def _least_greatest_loss(mdp: OrdinalMDP, scales: Floats) -> Floats:
     unvisited = total[:, 0] == 0  # what is done there matters to nobody who starts as told
     policy = value_iteration(mdp, scales.mean(axis=0))[1]
     chances[unvisited] = np.eye(m)[policy[unvisited]]
-    return np.asarray(chances / np.where(unvisited[:, None], 1.0, total))
+    weights = np.maximum(-np.asarray(found.ineqlin.marginals), 0.0)
+    weights = (
+        weights / weights.sum() if weights.sum() > 0 else np.full(len(scales), 1 / len(scales))
+    )
+    return np.asarray(chances / np.where(unvisited[:, None], 1.0, total)), weights
 
 
-def _bounds(mdp: OrdinalMDP, chances: Floats, panel: Panel) -> tuple[dict[str, float], float]:
-    """Return upper bounds on each member's loss, and the confidence that all of them hold.
+class _Proven(NamedTuple):
+    """Bounds on the losses of a policy, and the arrays that they were made of."""
+
+    bounds: dict[str, float]
+    excess: float
+    confidence: float
+    weights: Floats  # (n,) of the members in the proof
+    over: Floats  # (S, k), the policy's share vectors
+    d: Floats  # advantages over them, with their states and actions
+    place: NDArray[np.int64]
+    action: NDArray[np.int64]
+    high: Floats  # (n, advantages), each member's upper bounds
+    gained: Floats  # (n, k), what each member's best policy has more than this one at the start
+
+
+def _bounds(
+    mdp: OrdinalMDP,
+    chances: Floats,
+    panel: Panel,
+    weights: Floats,
+    best_of: Mapping[str, NDArray[np.int64]],
+) -> _Proven:
+    """Return upper bounds on each member's loss, and on the excess of the greatest.
 
     As in ``certificates.loss_bound``: advantages are bounded, and what a policy can collect of
-    these bounds is at least the loss.
+    these bounds is at least the loss. For the excess, let w be weights of total 1. The greatest
+    loss of any policy is at least the w-mean of its losses. By that mean it is better than this
+    policy by at most what can be collected of the w-mean of the bounds. And this policy loses each
+    member at least what the member's best policy has more.
     """
     states = np.flatnonzero(~mdp.terminal)
     v = evaluate_policy(mdp, chances)
@@ -190,13 +251,65 @@ def _bounds(mdp: OrdinalMDP, chances: Floats, panel: Panel) -> tuple[dict[str, f
     d = over[states[place], action]
     own = np.einsum("sa,sak->sk", chances[states], np.nan_to_num(over[states]))
     doubt = float(np.abs(np.cumsum(own[:, ::-1], axis=1)).max(initial=0.0))
-    bounds: dict[str, float] = {}
-    lacking = 0.0
-    for name, member in panel.members.items():
-        high, confidence = simultaneous_bounds(member, d)
-        gain = np.full(mdp.levels.shape, -np.inf)
-        gain[states[place], action] = high
-        total = greatest_total(mdp, gain) + 2 * doubt / (1 - mdp.discount)
-        bounds[name] = float(np.clip(mdp.initial @ np.where(mdp.terminal, 0.0, total), 0.0, 1.0))
+    gained = np.stack([mdp.initial @ (evaluate_policy(mdp, best) - v) for best in best_of.values()])
+    highs, least, lacking = [], [], 0.0
+    for member, more in zip(panel.members.values(), gained, strict=True):
+        high, confidence = simultaneous_bounds(member, np.concatenate([d, -more[None]]))
+        highs.append(high[:-1])
+        least.append(max(0.0, -float(high[-1])))
         lacking += 1.0 - confidence
-    return bounds, max(0.0, 1.0 - lacking)
+    high = np.stack(highs)
+
+    def most(bounds: Floats) -> float:
+        total = _collected(mdp, states[place], action, bounds) + 2 * doubt / (1 - mdp.discount)
+        return float(np.clip(mdp.initial @ np.where(mdp.terminal, 0.0, total), 0.0, 1.0))
+
+    bounds = {name: most(one) for name, one in zip(panel.people, high, strict=True)}
+    greatest = max(bounds.values())
+    at_best = max(0.0, float(weights @ np.array(least)) - most(weights @ high))
+    confidence = max(0.0, 1.0 - lacking)
+    excess = max(0.0, greatest - at_best)
+    return _Proven(bounds, excess, confidence, weights, v, d, states[place], action, high, gained)
+
+
+def _collected(
+    mdp: OrdinalMDP, states: NDArray[np.int64], actions: NDArray[np.int64], high: Floats
+) -> Floats:
+    """Return what can be collected (S,) of bounds on advantages."""
+    return greatest_total(mdp, _gain(mdp, states, actions, high))
+
+
+def _gain(
+    mdp: OrdinalMDP, states: NDArray[np.int64], actions: NDArray[np.int64], high: Floats
+) -> Floats:
+    gain = np.full(mdp.levels.shape, -np.inf)
+    gain[states, actions] = high
+    return gain
+
+
+def _telling(mdp: OrdinalMDP, panel: Panel, proven: _Proven) -> list[tuple[str, float, Floats]]:
+    """Return members, by how much they count, and differences to ask them about.
+
+    The first differences are between this policy and those that collect most of the bounds.
+    """
+    greatest = max(proven.bounds.values())
+    wide = {name: bound >= greatest - proven.excess for name, bound in proven.bounds.items()}
+    mixed = _better(mdp, proven, proven.weights @ proven.high)
+    found = []
+    for i, name in enumerate(panel.people):
+        counts = float(proven.weights[i]) + (1.0 if wide[name] else 0.0)
+        if counts > 0:
+            whole = np.stack([_better(mdp, proven, proven.high[i]), proven.gained[i], mixed])
+            order = np.argsort(-np.round(proven.high[i], 9), kind="stable")
+            found.append((name, counts, np.concatenate([whole, proven.d[order]])))
+    return sorted(found, key=lambda one: -round(one[1], 9))
+
+
+def _better(mdp: OrdinalMDP, proven: _Proven, high: Floats) -> Floats:
+    """Return what the policy that collects most of these bounds has more at the start (k,)."""
+    gain = _gain(mdp, proven.place, proven.action, high)
+    total = np.where(mdp.terminal, 0.0, greatest_total(mdp, gain))
+    columns = mdp.transitions @ total
+    worth = gain + mdp.discount * np.reshape(columns, gain.shape)
+    policy = np.argmax(np.round(worth, 9), axis=1)
+    return np.asarray(mdp.initial @ (evaluate_policy(mdp, policy) - proven.over))

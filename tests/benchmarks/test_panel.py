@@ -62,3 +62,17 @@ def test_the_page_has_a_row_for_each_problem_scales_and_errors(monkeypatch, tmp_
     rows = table_rows(out.read_text(encoding="utf-8"))
     assert len([row for row in rows if row[0] == "any"]) == 4
     assert "Seeds 0 to 1" in capsys.readouterr().out
+
+
+def test_no_way_of_asking_takes_fewer_questions_than_the_bound():
+    assert panel.fewest_questions(1, 0.0, 2000) == pytest.approx(1.0)
+    assert 5.3 < panel.fewest_questions(5, 0.01, 2000) < 5.6
+    rng, asked = np.random.default_rng(1), 0
+    for x in rng.uniform(-1, 1, (300, 2)):  # the widest interval is halved
+        low, high = -np.ones(2), np.ones(2)
+        while low.mean() < -0.1 and high.mean() > 0.1:
+            i = int(np.argmax(high - low))
+            middle = 0.5 * (low[i] + high[i])
+            low[i], high[i] = (middle, high[i]) if x[i] > middle else (low[i], middle)
+            asked += 1
+    assert 1.5 < panel.fewest_questions(2, 0.1, 2000) < asked / 300

@@ -1,5 +1,6 @@
 """The policy for the worst off, against exhaustive search and minimax duality."""
 
+import pickle
 from itertools import product
 
 import numpy as np
@@ -8,7 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import qlearn
-from elicit import Answers, Panel, PolytopeComparator, PosteriorComparator, TruthfulTutor
+from elicit import (
+    Answer,
+    Answers,
+    Panel,
+    PanelTutor,
+    PolytopeComparator,
+    PosteriorComparator,
+    TruthfulTutor,
+)
 from elicit.model.scale import normalise
 from qlearn import cost_of_following, policy_for_the_worst_off
 from qlearn.panel.following import cost_of_following_a_choice
@@ -157,3 +166,78 @@ def test_what_is_no_mdp_is_refused():
             function(panel, panel)
     with pytest.raises(ValueError, match="4 levels, but the panel's scales have 3"):
         cost_of_following(qlearn.random_mdp(5, 2, 4, seed=1)[0], panel)
+
+
+def aimed(mdp, scales, member=PolytopeComparator):
+    return Panel({name: member(mdp.k) for name in scales}, aim="worst")
+
+
+@pytest.mark.parametrize("seed", [pytest.param(1, marks=pytest.mark.slow), 4])
+def test_asked_for_the_worst_off_no_single_policy_is_better_by_more_than_the_tolerance(seed):
+    # seed 1 of random MDPs has much to ask about
+    mdp = qlearn.random_mdp(6, 3, 4, discount=0.5, seed=seed)[0] if seed == 1 else small(seed)
+    scales = scales_of(mdp.k, 3, seed)
+    tutors = {name: TruthfulTutor(values) for name, values in scales.items()}
+    found = qlearn.solve(mdp, tutors, aimed(mdp, scales), tolerance=0.01, seed=1)
+    assert found.status is qlearn.Status.CONVERGED
+    assert found.worst_off.excess <= 0.01
+    assert found.worst_off.confidence == 1
+    best = min(greatest(mdp, policy, scales) for policy in deterministic(mdp))
+    had = greatest(mdp, found.worst_off.probabilities, scales)
+    assert had <= best + 0.01
+    least = policy_for_the_worst_off(mdp, exact(scales)).greatest
+    assert had <= least + found.worst_off.excess + 1e-9
+    assert f"{found.asked} questions were asked" in str(found)
+    assert set(found.answers.who) <= {*scales}
+
+
+def test_a_log_tells_again_what_was_asked_for_the_worst_off():
+    mdp, scales = small(4), scales_of(4, 3, 4)
+    tutors = {name: TruthfulTutor(values) for name, values in scales.items()}
+    first = qlearn.solve(mdp, tutors, aimed(mdp, scales), tolerance=0.01, seed=1)
+    assert first.asked > 2
+    later = qlearn.WorstOffIteration(
+        mdp, aimed(mdp, scales), tolerance=0.01, seed=1, known=first.answers
+    )
+    assert later.ask() == ()
+    few = qlearn.solve(mdp, tutors, aimed(mdp, scales), tolerance=0.01, seed=1, max_queries=2)
+    assert (few.asked, few.status) == (2, qlearn.Status.GUESSED)
+    assert few.worst_off.excess > 0.01
+
+
+def test_one_who_cannot_tell_is_not_asked_the_same_for_the_worst_off():
+    mdp, scales = small(4), scales_of(4, 3, 4)
+    tutors = {name: TruthfulTutor(values) for name, values in scales.items()}
+    tutors["0"] = lambda query: Answer(query, None)
+    learner = qlearn.WorstOffIteration(mdp, aimed(mdp, scales), tolerance=0.01, max_queries=12)
+    seen = set()
+    while queries := learner.ask():
+        assert (queries[0].who, queries[0].d.tobytes()) not in seen
+        seen.add((queries[0].who, queries[0].d.tobytes()))
+        learner.tell([PanelTutor(tutors)(queries[0])])
+    assert learner.result().cannot_tell > 1
+    assert {"0"} < {who for who, _ in seen}, "the others are asked"
+
+
+def test_the_aim_stays_with_a_panel_and_is_one_of_two():
+    scales = {"ann": [0, 0.5, 1], "ben": [0, 0.2, 1]}
+    panel = Panel({name: PolytopeComparator(3) for name in scales}, aim="worst")
+    told = panel.update(Answers([[0.5, -1.0, 0.5]], [1], who=["ann"]))
+    assert told.aim == pickle.loads(pickle.dumps(told)).aim == "worst"
+    assert Panel({"ann": PolytopeComparator(3)}).aim == "mean"
+    with pytest.raises(ValueError, match="aim must be 'mean' or 'worst'"):
+        Panel({"ann": PolytopeComparator(3)}, aim="best")
+    mdp, _ = qlearn.random_mdp(5, 2, 3, seed=1)
+    tutors = {name: TruthfulTutor(values) for name, values in scales.items()}
+    with pytest.raises(ValueError, match="'policy-iteration' for a panel with aim='worst'"):
+        qlearn.solve(mdp, tutors, panel, learner="q-learning")
+
+
+def test_the_worst_off_of_one_is_that_one():
+    mdp, values = qlearn.random_mdp(5, 2, 4, seed=1)
+    alone = qlearn.solve(mdp, TruthfulTutor(values), PolytopeComparator(4), seed=1)
+    panel = Panel({"ann": PolytopeComparator(4)}, aim="worst")
+    found = qlearn.solve(mdp, {"ann": TruthfulTutor(values)}, panel, seed=1)
+    assert found.asked == alone.asked
+    np.testing.assert_array_equal(found.answers.d, alone.answers.d)
+    np.testing.assert_array_equal(found.policy, alone.policy)
