@@ -42,7 +42,8 @@ def solve(
         Decides comparisons from the answers so far. ``"posterior"`` is for a tutor who may err.
         ``"polytope"`` is for a tutor who never errs: it proves what it says. ``"ensemble"``,
         ``"box-rescaled"`` and ``"box"`` are the paper's fits; ``elicit.catalogue`` has all names. A
-        ``Comparator`` for ``mdp.k`` levels is used as it is.
+        ``Comparator`` for ``mdp.k`` levels is used as it is, such as
+        ``elicit.PosteriorComparator(mdp.k, like=logs)``, with a prior of earlier people.
     tolerance
         Largest acceptable loss of the policy, a share of the value range: see
         ``Result.loss_bound``. Q-learning does not stop by it.

@@ -226,3 +226,10 @@ def test_what_is_no_log_a_person_is_refused(
 ) -> None:
     with pytest.raises(error, match=message):
         PosteriorComparator(5, like=like)
+
+
+def test_a_merged_log_of_several_people_is_no_person() -> None:
+    d = np.array([[0.5, -1.0, 0.5], [0.2, -0.5, 0.3]])
+    both = Answers(d, [1, -1], ["a", "b"], who=["ann", "ben"])
+    with pytest.raises(ValueError, match="of several people, 'ann', 'ben': give those of each"):
+        PosteriorComparator(3, like=[both])
