@@ -771,4 +771,6 @@ def _answers_of(people: Logs, k: int) -> list[Answers]:
                 f"{', '.join(map(repr, whose))}: give those of each (Answers.of_person)"
             )
         found.append(answers)
+    if not isinstance(people, Mapping):  # nor on the order of a list
+        found.sort(key=lambda one: (one.d.tobytes(), one.y.tobytes()))
     return found

@@ -173,10 +173,13 @@ def test_it_is_one_comparator_like_any_other() -> None:
     assert (passed_on.draws.gaps == first.draws.gaps).all()
 
 
-def test_what_is_learned_does_not_hang_on_the_order_of_a_dict() -> None:
+def test_what_is_learned_does_not_depend_on_the_order_of_people() -> None:
     by_name = dict(zip("abcdefghijklmn", alike(14, n=6), strict=True))
     turned = dict(reversed(by_name.items()))
     first, second = (PosteriorComparator(5, like=logs, particles=100) for logs in (by_name, turned))
+    assert first.like == second.like
+    in_lists = [[*by_name.values()], [*turned.values()]]
+    first, second = (PosteriorComparator(5, like=logs, particles=100) for logs in in_lists)
     assert first.like == second.like
 
 
