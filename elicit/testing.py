@@ -528,7 +528,12 @@ def _check_bounds_after(comparator: Comparator, d: Floats) -> None:
 def _check_draws(comparator: Comparator) -> None:
     draws = _wanted(lambda: draws_in(comparator))
     if draws is not None:
-        least = float(draws[0].min())
+        ordered = draws[0]
+        if (open_step := unordered_of(comparator)) is not None:
+            values = np.vstack([np.zeros(ordered.shape[1]), np.cumsum(ordered, axis=0)])
+            values[open_step[0] : open_step[1] + 1].sort(axis=0)
+            ordered = np.diff(values, axis=0)
+        least = float(ordered.min())
         _say(
             least >= -1e-9,
             "the gaps of draws must not be negative, for the scales are ordered, but one is "

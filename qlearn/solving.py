@@ -44,8 +44,10 @@ def solve(
         Decides comparisons from the answers so far. ``"posterior"`` is for a tutor who may err.
         ``"polytope"`` is for a tutor who never errs: it proves what it says. ``"ensemble"``,
         ``"box-rescaled"`` and ``"box"`` are the paper's fits; ``elicit.catalogue`` has all names. A
-        ``Comparator`` for ``mdp.k`` levels is used as it is. An ``elicit.Panel`` of several members
-        with ``aim="worst"`` gives a ``WorstOffResult``, by ``WorstOffIteration``.
+        ``Comparator`` for ``mdp.k`` levels is used as it is, such as
+        ``elicit.PosteriorComparator(mdp.k, like=logs)``, with a prior of earlier people. An
+        ``elicit.Panel`` of several members with ``aim="worst"`` gives a ``WorstOffResult``, by
+        ``WorstOffIteration``.
     tolerance
         Largest acceptable loss of the policy, a share of the value range: see
         ``Result.loss_bound``. Q-learning does not stop by it.

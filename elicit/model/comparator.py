@@ -226,7 +226,7 @@ OPTIONAL_PARTS = (
         "plausible scales: gaps (k - 1, m), weights (m,), precisions (m,), or None for now",
         "Questions are chosen by it. Without it they are chosen by scales drawn from all ordered "
         "ones.",
-        _DRAWING + _PANEL,
+        (*_DRAWING, _OPEN, *_PANEL),
     ),
     Part(
         "TrustsDraws",
@@ -332,8 +332,8 @@ OPTIONAL_PARTS = (
         "LeavesOrderOpen",
         "unordered",
         "the two neighbouring levels, counted from 0, of which either may be the better",
-        "`choose` goes by its verdicts and bounds alone. Learners refuse it. Without it the order "
-        "of the levels is certain.",
+        "`choose` and policy iteration go by its verdicts and bounds alone. Other learners refuse "
+        "it. Without it the order of the levels is certain.",
         (_OPEN,),
     ),
 )
@@ -710,14 +710,16 @@ def draws_in(comparator: Comparator) -> tuple[Floats, Floats, Floats] | None:
     if parts:
         (gaps, weights, precision), shapes = parts, ", ".join(str(part.shape) for part in parts)
         m = gaps.shape[-1] if gaps.ndim == 2 else 0
+        totals = np.zeros(m)
+        if m and gaps.dtype == np.float64:
+            totals = _ranges(gaps) if offers(comparator, "unordered") else gaps.sum(axis=0)
         if not m or (gaps.shape, weights.shape, precision.shape) != ((p, m), (m,), (m,)):
             wrong = f"their shapes are {shapes}"
         elif not all(part.dtype == np.float64 for part in parts):
             wrong = f"their types are {', '.join(str(part.dtype) for part in parts)}, not float64"
-        elif not (np.abs(gaps.sum(axis=0) - 1.0) <= 1e-6).all():  # also where one is nan
+        elif not (np.abs(totals - 1.0) <= 1e-6).all():  # also where one is nan
             wrong = (
-                f"the gaps of draw {int(np.argmin(np.abs(gaps.sum(axis=0) - 1.0) <= 1e-6))} do not "
-                "total 1"
+                f"the gaps of draw {int(np.argmin(np.abs(totals - 1.0) <= 1e-6))} do not total 1"
             )
         elif not ((weights >= 0).all() and abs(weights.sum() - 1.0) <= 1e-6):
             wrong = f"the weights range from {weights.min()} and total {weights.sum()}"
@@ -730,6 +732,12 @@ def draws_in(comparator: Comparator) -> tuple[Floats, Floats, Floats] | None:
         "m), each total 1, "
         f"their weights (m,) of total 1, and the tutor's precision (m,) under each, but {wrong}"
     )
+
+
+def _ranges(gaps: Floats) -> Floats:
+    """Return the value range (m,) of scales by their gaps (p, m), some of which may be negative."""
+    values = np.vstack([np.zeros(gaps.shape[1]), np.cumsum(gaps, axis=0)])
+    return np.asarray(values.max(axis=0) - values.min(axis=0))
 
 
 def tie_of(comparator: Comparator) -> float:

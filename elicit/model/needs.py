@@ -34,6 +34,8 @@ class Needs:
     used : names
         Members that are used if the comparator has them. ``OPTIONAL_PARTS`` says what happens
         without.
+    open_order : bool
+        Whether the consumer takes a comparator that leaves the order of two levels open.
 
     Raises
     ------
@@ -43,6 +45,7 @@ class Needs:
 
     required: tuple[str, ...] = ()
     used: tuple[str, ...] = ()
+    open_order: bool = False
 
     def __post_init__(self) -> None:
         if unknown := [name for name in self.required + self.used if name not in _PARTS]:
@@ -52,6 +55,7 @@ class Needs:
         return Needs(
             tuple(dict.fromkeys(self.required + other.required)),
             tuple(dict.fromkeys(self.used + other.used)),
+            self.open_order or other.open_order,
         )
 
     def missing(self, comparator: Comparator) -> tuple[str, ...]:
@@ -79,16 +83,17 @@ def check_needs(comparator: Comparator, *consumers: object) -> None:
     """Raise TypeError for anything but a comparator, and for one that lacks a required part.
 
     The error names the part, the consumer that needs it, and the comparators that have it. A
-    comparator that leaves the order of two levels open is a ValueError: all bounds of learners
-    start from the order.
+    comparator that leaves the order of two levels open is a ValueError unless a consumer takes it:
+    the bounds of most learners start from the order.
     """
     check_comparator_made(comparator)
-    if (open_step := unordered_of(comparator)) is not None:
+    open_step = unordered_of(comparator)
+    if open_step is not None and not any(needs_of(one).open_order for one in consumers):
         low, high = (level + 1 for level in open_step)
         raise ValueError(
-            f"{type(comparator).__name__} leaves the order of levels {low} and {high} open, and a "
-            "learner needs the levels in a fixed order: decide which is the worse and take "
-            f"PolytopeComparator({comparator.k}), or compare share vectors by elicit.choose"
+            f"{type(comparator).__name__} leaves the order of levels {low} and {high} open, and "
+            "this learner needs the levels in a fixed order: take InteractivePolicyIteration, or "
+            f"decide which level is the worse and take PolytopeComparator({comparator.k})"
         )
     for consumer in consumers:
         for member in needs_of(consumer).missing(comparator):

@@ -31,7 +31,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from elicit._support.threads import one_thread
-from elicit.model.comparator import Comparator, cells_of, simultaneous_bounds, stated_confidence
+from elicit.model.comparator import (
+    Comparator,
+    cells_of,
+    simultaneous_bounds,
+    stated_confidence,
+    unordered_of,
+)
 from elicit.model.needs import Needs
 from qlearn.certificates.advantages import Advantages, advantages
 from qlearn.certificates.collected_total import collected
@@ -94,6 +100,9 @@ def guarantee(
 
     If ``enough`` is given, the bound may be inf whenever it exceeds that.
     """
+    if unordered_of(comparator) is not None:
+        # in the other order one tail sum is made of three of these: t_i - t_(i+1) + t_(i+2)
+        over = over._replace(doubt=3.0 * over.doubt)
     drawn = drawn_set(comparator)
     if drawn is not None:
         draws, level = drawn

@@ -89,6 +89,7 @@ def run(
             recipe.get("unit"),
             recipe.get("seed", 0),
             recipe.get("tolerance", 0.01),
+            recipe.get("like", ()) if recipe.get("comparator") in (None, "posterior") else (),
         )
         _write(out, taught, named, recipe)
     except BrokenPipeError:  # which ends the command quietly
@@ -139,6 +140,13 @@ def _common_recipe(named: Mapping[str, AnswerLog], given: Mapping[str, Any]) -> 
             )
         if values:
             common[setting] = max(values) if setting == "days" else values[0]
+    earlier = {tuple(recipe.get("like", ())) for recipe in recipes.values() if recipe}
+    if len(earlier) > 1:
+        raise ValueError(
+            "the logs were begun with other earlier people each (--like of qlearn teach): make a "
+            "report of those that share them"
+        )
+    common["like"] = next(iter(earlier), ())
     if "problem" not in common:
         raise ValueError(NO_RECIPE.format(next(iter(named.values())).path))
     return common

@@ -73,6 +73,7 @@ def run(
             recipe.get("unit"),
             recipe.get("seed", 0),
             recipe.get("tolerance", 0.01) if tolerance is None else tolerance,
+            recipe.get("like", ()) if comparator in (None, "posterior") else (),
         )
         with tempfile.TemporaryDirectory() as folder:
             # a session may mark answers as unused: that is done to a copy

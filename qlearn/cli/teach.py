@@ -43,12 +43,13 @@ _DAYS = Number(int, lambda n: n >= 2, "a whole number of at least 2")
 
 
 class SessionOptions(TypedDict):
-    """The person who answers, the planned number of questions, and the address of the page.
+    """The person who answers, earlier people, the planned number of questions, and the page.
 
     The address counts if ``web`` is given, and with it the people of a study.
     """
 
     who: str | None
+    like: list[str]
     questions: int | None
     web: bool
     port: int
@@ -103,6 +104,15 @@ def add_to(commands: Any) -> None:
         metavar="NAME",
         help="name or pseudonym of the person who answers, for the log: each has a log of their "
         "own. In a terminal, without a name and a --log, it is asked for at the start [nobody]",
+    )
+    command.add_argument(
+        "--like",
+        nargs="+",
+        default=[],
+        metavar="LOG",
+        help="logs of earlier people about the same levels, one each: their scales and errors are "
+        "the prior for this person's, with --comparator posterior. Leave the files as they are: "
+        "going on, and qlearn result, read them again [nobody]",
     )
     command.add_argument(
         "--days",
@@ -229,9 +239,12 @@ def run(
         "seed": seed,
         "tolerance": tolerance,
     }
+    like = sorted(dict.fromkeys(str(Path(each).resolve()) for each in how["like"]))
+    recipe |= {"like": like} if like else {}
     same = ["--days", str(days), "--seed", str(seed)]
     same += [] if unit is None else ["--unit", unit]
     same += [] if name.lower().endswith(".csv") else ["--tolerance", str(tolerance)]
+    same += ["--like", *like] if like else []
     if people := how["people"] or how["invite"]:
         wrong = _not_for_several(log, how)
         if wrong:
@@ -249,7 +262,7 @@ def run(
         plan = StudyPlan(paths, headers, audit, seed, shlex.join(again), shlex.join(report))
 
         def taught_now() -> Taught:
-            return taught_by(problem, comparator, days, unit, seed, tolerance)
+            return taught_by(problem, comparator, days, unit, seed, tolerance, like)
 
         return run_study(plan, taught_now, how["host"], how["port"], how["let_others_in"])
     try:
@@ -268,7 +281,9 @@ def run(
         again += ["--web", *address_options(how)]
     with ExitStack() as stack:
         try:
-            taught = taught_by(problem, comparator, days, unit, seed, tolerance)
+            if str(path.resolve()) in like:
+                return fail(f"{path} is this person's own log: leave it out of --like")
+            taught = taught_by(problem, comparator, days, unit, seed, tolerance, like)
             if taught.hint:
                 print(printable(taught.hint), file=sys.stderr, flush=True)
             print("Getting ready ...", file=sys.stderr, flush=True)

@@ -18,6 +18,7 @@ import numpy as np
 
 from elicit.asking.bags import Bags
 from elicit.asking.choose_from_list import choose
+from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.comparators.panel import Panel
 from elicit.model.comparator import Comparator, offers
 from elicit.model.scale import Floats
@@ -25,6 +26,7 @@ from elicit.person.asker import MakeAsker
 from elicit.person.course.conclusion import SessionFacts, per_hundred
 from elicit.person.interview import Subject
 from elicit.person.showing import Words
+from elicit.tutors.answer_log import AnswerLog
 from qlearn.cli.conclusions import (
     InWords,
     choice_conclusion,
@@ -77,23 +79,29 @@ class Taught:
 
 
 def taught_by(
-    problem: str | Own, comparator: str, days: int, unit: str | None, seed: int, tolerance: float
+    problem: str | Own,
+    comparator: str,
+    days: int,
+    unit: str | None,
+    seed: int,
+    tolerance: float,
+    like: Sequence[str] = (),
 ) -> Taught:
     """Return the subject of a problem's name, a user's function, or the path of a CSV file.
 
-    The names are "icu-sepsis" and "random". Raises ValueError, ImportError and OSError that say
-    what is wrong with it.
+    The names are "icu-sepsis" and "random". ``like`` are the paths of earlier people's logs.
+    Raises ValueError, ImportError and OSError that say what is wrong with it.
     """
     if isinstance(problem, str) and problem.lower().endswith(".csv"):
-        return _choice(Path(problem), comparator, days, unit, seed)
+        return _choice(Path(problem), comparator, days, unit, seed, like)
     mdp, words, legend = _mdp(problem, seed)
     words = words if unit is None else replace(words, unit=unit)
     header = _header(mdp.labels, mdp.fingerprint, words, discount=mdp.discount)
+    comparator_now = _comparator_maker(comparator, mdp.labels, seed, like)
 
     def make(known: Any) -> InteractivePolicyIteration:
-        knows = COMPARATORS[comparator].make(mdp.k, seed)
         return InteractivePolicyIteration(
-            mdp, knows, tolerance=tolerance, bags=Bags(days=days), known=known, seed=seed
+            mdp, comparator_now(), tolerance=tolerance, bags=Bags(days=days), known=known, seed=seed
         )
 
     finer = f"For finer ones start again with --days {2 * days}: what you answered stays."
@@ -107,7 +115,9 @@ def taught_by(
         finer=finer,
         seed=seed,
         conclude=partial(policy_conclusion, told, mdp, names, legend),
-        facts=_facts(problem, header, comparator, seed, ("Tolerance", per_hundred(tolerance))),
+        facts=_facts(
+            problem, header, comparator, seed, ("Tolerance", per_hundred(tolerance)), like=like
+        ),
     )
 
     def plan(known: Comparator, questions: int) -> str:
@@ -118,8 +128,50 @@ def taught_by(
     return Taught(subject, make, header, plan=plan, following=partial(cost_of_following, mdp))
 
 
+def _comparator_maker(
+    comparator: str, labels: tuple[str, ...], seed: int, like: Sequence[str]
+) -> Callable[[], Comparator]:
+    """Return a function that makes the comparator before any answer.
+
+    What earlier people's logs have in common is learned once, here.
+
+    Raises
+    ------
+    ValueError
+        If the comparator learns nothing from earlier people, or a log is empty, of other levels or
+        of several people.
+    OSError
+        If a log cannot be read.
+    """
+    if not like:
+        return partial(COMPARATORS[comparator].make, len(labels), seed)
+    if comparator != "posterior":
+        raise ValueError(
+            f"--like is for --comparator posterior: {comparator} learns nothing from earlier people"
+        )
+    told = {}
+    for path in like:
+        log = AnswerLog.read(path)
+        if not any(not entry.retracted for entry in log):
+            raise ValueError(f"{path} holds no answers to learn from: leave it out of --like")
+        theirs = log.header.get("labels")
+        if theirs != list(labels):
+            raise ValueError(
+                f"{path} is about the levels {theirs}, not {list(labels)}: --like takes logs about "
+                "the same levels"
+            )
+        told[path] = log
+    earlier = PosteriorComparator(len(labels), seed=seed, like=told).like
+    return partial(PosteriorComparator, len(labels), seed=seed, like=earlier)
+
+
 def _facts(
-    problem: str | Own, header: dict[str, Any], comparator: str, seed: int, *more: tuple[str, str]
+    problem: str | Own,
+    header: dict[str, Any],
+    comparator: str,
+    seed: int,
+    *more: tuple[str, str],
+    like: Sequence[str] = (),
 ) -> SessionFacts:
     """Return the facts that a report names."""
     name = problem if isinstance(problem, str) else problem.name
@@ -129,6 +181,9 @@ def _facts(
         "posterior": "It allows for errors, and holds with 95% probability on average over the "
         "scales that it assumed before your first answer.",
     }
+    if like:
+        people = f"{len(like)} earlier {'person' if len(like) == 1 else 'people'}"
+        more = (*more, ("Prior", f"learned from {people}: {', '.join(map(str, like))}"))
     of = (
         ("Problem", f"{name} ({header['problem'][:12]})"),
         ("Comparator", f"{comparator}{_KINDS.get(comparator, '')}"),
@@ -194,7 +249,9 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
     return entry.factory(), words, legend
 
 
-def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int) -> Taught:
+def _choice(
+    path: Path, comparator: str, days: int, unit: str | None, seed: int, like: Sequence[str]
+) -> Taught:
     labels, names, vectors = read_alternatives(path)
     words, hint = _words_of(path, labels)
     words = words if unit is None else replace(words, unit=unit)
@@ -206,9 +263,10 @@ def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int)
     # a tie, a loss and what may be rounded are shares of the value range
     shares = vectors / float(f"{vectors[0].sum():.12g}")
 
+    comparator_now = _comparator_maker(comparator, labels, seed, like)
+
     def make(known: Any) -> Any:
-        made = COMPARATORS[comparator].make(len(labels), seed)
-        return choose(shares, made, names=names, labels=labels, known=known)
+        return choose(shares, comparator_now(), names=names, labels=labels, known=known)
 
     finer = (
         f"Round the numbers in {path.name} to counts of the same total, and start with a new log."
@@ -222,7 +280,7 @@ def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int)
         finer=finer,
         seed=seed,
         conclude=partial(choice_conclusion, told, names, shares),
-        facts=_facts(str(path), header, comparator, seed),
+        facts=_facts(str(path), header, comparator, seed, like=like),
     )
     following = partial(cost_of_following_a_choice, shares)
     return Taught(subject, make, header, hint, following=following)

@@ -74,7 +74,7 @@ class Kept(NamedTuple):
 
 class Told(NamedTuple):
     """Answers that a tutor has given within a loop, until the elicitation takes them; there is no
-    room where Python has to ask her."""
+    room where Python has to ask the tutor."""
 
     vectors: Floats  # (c, 2, k) left and right
     verdicts: NDArray[np.int8]  # (c,)
@@ -88,7 +88,7 @@ class Judging(NamedTuple):
 
     rule: Rule
     asking: AskingRule
-    oracle: Respondent  # whom AlwaysAsk asks, where she is to be had as arrays
+    oracle: Respondent  # whom AlwaysAsk asks, if the tutor is there as arrays
     certificates: Certificates
     kept: Kept
     tutor: Respondent  # who answers what is left open, while there is room in
@@ -152,7 +152,7 @@ class PairJudge:
         )
 
     def _tutor(self) -> Respondent:
-        """Who may be asked within the loop, and make room for her answers."""
+        """Who may be asked within the loop, and make room for the answers."""
         respondent = nobody() if self.tutor is None else self.tutor.respondent
         room = self._elicitation.room if respondent.kind != NOBODY else 0
         self._told.fill[:] = 0, min(room, _TOLD_AT_ONCE)

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit._support.fixed_order import product
 from elicit._support.hashing import Seed, key_of
 from elicit._support.seeds import seed_of
 from elicit._support.validation import is_whole, require
-from elicit.model.comparator import Comparator, lapse_of
+from elicit.model.comparator import Comparator, lapse_of, unordered_of
+from elicit.model.difference import tail_sums
+from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats
+from elicit.model.tutor import Tutor
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from qlearn.certificates.drawn_scales import draws_of
 from qlearn.learners.learner import check_problem
@@ -146,10 +151,14 @@ def expected_bounds(
     before = InteractivePolicyIteration(mdp, comparator, seed=0, **learner).result().loss_bound
     ends = []
     for which in chosen.tolist():
-        gaps = np.maximum(drawn.gaps[:, which], _LEAST_GAP)
-        values = np.concatenate([[0.0], np.cumsum(gaps)])
         own = int(rng.integers(2**62))  # of this session
-        tutor = FlippingTutor(values, errors, own) if errors else TruthfulTutor(values)
+        gaps = drawn.gaps[:, which]
+        tutor: Tutor
+        if unordered_of(comparator) is not None:
+            tutor = partial(_truthful, gaps)
+        else:
+            values = np.concatenate([[0.0], np.cumsum(np.maximum(gaps, _LEAST_GAP))])
+            tutor = FlippingTutor(values, errors, own) if errors else TruthfulTutor(values)
         run = InteractivePolicyIteration(mdp, comparator, seed=own, **learner)
         asked = 0
         while asked < questions and (queries := run.ask()):
@@ -158,6 +167,12 @@ def expected_bounds(
         ends.append((run.result().loss_bound, asked))
     bounds, numbers = zip(*sorted(ends), strict=True)
     return ExpectedBounds(int(questions), before, np.array(bounds), np.array(numbers))
+
+
+def _truthful(gaps: Floats, query: Query) -> Answer:
+    """Answer by a scale of these gaps (k - 1,), which need not rise from level to level."""
+    worth = float(product(tail_sums(query.d[None]), gaps)[0])
+    return Answer(query, Verdict(int(np.sign(worth))))
 
 
 def _percent(share: float) -> str:

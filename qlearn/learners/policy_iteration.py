@@ -31,6 +31,7 @@ from elicit.model.comparator import (
     people_of,
     simultaneous_bounds,
     trusted_share,
+    unordered_of,
     wrong_of,
 )
 from elicit.model.difference import tail_sums
@@ -107,7 +108,8 @@ class InteractivePolicyIteration(Learner):
         approximately, which the bound allows for, and looks at a sample of states, with a few
         questions a solution, as long as the sample refutes the tolerance; only then all advantages
         are bounded. Default: True up to ``LARGE`` states. Without ``exact``, ``Result.decided``
-        counts the alternatives looked at, and all of them at the end.
+        counts the alternatives looked at, and all of them at the end. Rounds are always exact if
+        the comparator leaves the order of two levels open.
     **asking
         The options of ``elicit.AskingOptions``. The seed picks audits and samples of states. An
         advantage that no plausible scale puts above ``indifference`` is not asked about; the
@@ -122,7 +124,9 @@ class InteractivePolicyIteration(Learner):
         If a setting makes no sense, or ``cuts=True`` is given where no cut could be asked about.
     """
 
-    needs = Learner.needs | Needs(used=(*CUTTING.required, *CUTTING.used, "lapse", "probability"))
+    needs = Learner.needs | Needs(
+        used=(*CUTTING.required, *CUTTING.used, "lapse", "probability"), open_order=True
+    )
 
     @takes_rng
     def __init__(
@@ -169,6 +173,14 @@ class InteractivePolicyIteration(Learner):
         require(exact is None or isinstance(exact, bool), "exact", "None, True or False", exact)
         require(cuts is None or isinstance(cuts, bool), "cuts", "None, True or False", cuts)
         small = mdp.n_states <= LARGE if exact is None else exact
+        if unordered_of(comparator) is not None:
+            require(
+                exact is not False,
+                "exact",
+                f"None or True with {type(comparator).__name__}, whose order is open",
+                exact,
+            )
+            small = True
         self._rounds = (
             ExactRounds(mdp, self._enough) if small else SampledRounds(mdp, self._enough, self.seed)
         )

@@ -195,3 +195,14 @@ def test_what_is_refused_and_what_to_do(
 ) -> None:
     with pytest.raises(error, match=message):
         solve(*arguments, **settings)
+
+
+@pytest.mark.parametrize(("tie", "meant"), [(0.01, "at most 2% of"), (0.0, "do not differ at all")])
+def test_a_result_warns_where_many_answers_are_equal(tie: float, meant: str) -> None:
+    comparator = PosteriorComparator(4, tie=tie, seed=0)
+    result = solve(MDP, lambda _: 0, comparator, tolerance=0.001, seed=0, max_queries=6)
+    assert (result.answers.y == 0).sum() >= 5
+    assert meant in result.tie_warning
+    assert result.tie_warning in str(result)
+    exact = solve(MDP, TruthfulTutor(VALUES), seed=0, max_queries=8)
+    assert exact.tie_warning == ""

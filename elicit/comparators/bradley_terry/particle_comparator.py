@@ -764,5 +764,13 @@ def _answers_of(people: Logs, k: int) -> list[Answers]:
             raise ValueError(
                 f"the answers of {name!r} in like= are about {answers.k} levels, not {k}"
             )
+        whose = [who for who in dict.fromkeys(answers.who) if who is not None]
+        if len(whose) > 1:
+            raise ValueError(
+                f"the answers of {name!r} in like= are of several people, "
+                f"{', '.join(map(repr, whose))}: give those of each (Answers.of_person)"
+            )
         found.append(answers)
+    if not isinstance(people, Mapping):  # nor on the order of a list
+        found.sort(key=lambda one: (one.d.tobytes(), one.y.tobytes()))
     return found

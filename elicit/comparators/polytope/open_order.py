@@ -20,6 +20,7 @@ from elicit.comparators.polytope.cells import agreed, log_volume
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.decision.comparator_rule import Rule, unaided
 from elicit.decision.verdicts import decide, decide_by
+from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import TIE, Decisions, Verdicts, check_answers, check_levels
 from elicit.model.difference import as_differences, tail_sums
 from elicit.model.query import Answers, InconsistentAnswers, Verdict
@@ -37,8 +38,9 @@ class OpenOrderComparator:
     """All scales consistent with the answers, whichever of two neighbouring levels is the better.
 
     It is a ``PolytopeComparator`` for each of the two orders. Whatever it decides holds under both,
-    so dominance counts only if neither order contradicts it. ``elicit.choose`` takes it. Learners
-    need the levels in a fixed order, and refuse it. The comparator is a frozen value.
+    so dominance counts only if neither order contradicts it. ``elicit.choose`` and
+    ``qlearn.InteractivePolicyIteration`` take it. Other learners need the levels in a fixed order,
+    and refuse it. The comparator is a frozen value.
     ``elicit.Comparator`` says what its methods take and return.
 
     Parameters
@@ -119,10 +121,7 @@ class OpenOrderComparator:
         levels are worth the same in that mean, as two levels of unknown order are, it is the scale
         of the given order.
         """
-        logs = np.zeros(len(self._parts))
-        if len(self._parts) > 1:
-            logs = np.array([log_volume(part.scales.draws) for part in self._parts])
-        weights = np.exp(logs - logs.max())
+        weights = self._weights
         mean = np.zeros(self.k)
         for weight, part in zip(weights.tolist(), self._parts, strict=True):
             mean[list(part.order)] += weight * part.scales.values
@@ -131,6 +130,34 @@ class OpenOrderComparator:
         values: Floats = (mean - mean.min()) / (mean.max() - mean.min())
         values.flags.writeable = False
         return values
+
+    @cached_property
+    def _weights(self) -> Floats:
+        """The volume of the scales of each order that is left, as a share of the greatest."""
+        logs = np.zeros(len(self._parts))
+        if len(self._parts) > 1:
+            logs = np.array([log_volume(part.scales.draws) for part in self._parts])
+        return np.asarray(np.exp(logs - logs.max()))
+
+    @cached_property
+    def draws(self) -> Draws:
+        """Scales drawn about uniformly from those of all orders that are left.
+
+        The gap between the two levels is negative in one order. The draws serve to choose questions
+        by probability. No proof depends on them.
+        """
+        gaps, weights, precisions = [], [], []
+        shares = self._weights / self._weights.sum()
+        for share, (order, scales) in zip(shares.tolist(), self._parts, strict=True):
+            own = scales.draws
+            values = np.zeros((self.k, own.gaps.shape[1]))
+            values[list(order[1:])] = np.cumsum(own.gaps, axis=0)
+            gaps.append(np.diff(values, axis=0))
+            weights.append(share * own.weights)
+            precisions.append(own.precision)
+        return Draws(
+            np.concatenate(gaps, axis=1), np.concatenate(weights), np.concatenate(precisions)
+        )
 
     @one_thread
     def update(self, answers: Answers) -> OpenOrderComparator:

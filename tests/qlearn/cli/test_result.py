@@ -127,3 +127,33 @@ def test_a_missing_column_of_names_is_said(
     Path("x.csv").write_text(text)
     assert main(["teach", "--problem", "x.csv"]) == 1
     assert said in capsys.readouterr().err
+
+
+def test_a_log_of_somebody_earlier_is_a_prior(
+    log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def teach(*options: str) -> tuple[int, str]:
+        monkeypatch.setattr(sys, "stdin", io.StringIO("a\n"))
+        code = main(["teach", "--problem", "care.csv", *options])
+        shown = capsys.readouterr()
+        return code, " ".join((shown.out + shown.err).split())
+
+    code, said = teach("--who", "ben", "--like", str(log), str(log))
+    assert code == 0
+    assert f"--like {log.resolve()}" in said  # in the command that goes on
+    own = Path("answers-care-ben.jsonl")
+    assert AnswerLog.read(own).header["recipe"]["like"] == [str(log.resolve())]
+    assert main(["result", str(own), "--out", "found"]) == 0
+    assert "learned from 1 earlier person" in Path("found/report.html").read_text()
+    assert main(["report", str(own), str(log)]) == 1
+    assert "with other earlier people" in capsys.readouterr().err
+    assert (
+        "posterior" in teach("--like", str(log), "--comparator", "polytope", "--log", "n.jsonl")[1]
+    )
+    assert "own log: leave it out" in teach("--log", str(log), "--like", str(log))[1]
+    with AnswerLog("other.jsonl", 3, {"labels": ["a", "b", "c"]}) as other:
+        other.append(AnswerLog.read(log)[0].answer)
+    assert "about the levels ['a', 'b', 'c'], not" in teach("--like", "other.jsonl")[1]
+    Path("empty.jsonl").touch()
+    assert "holds no answers" in teach("--like", "empty.jsonl")[1]
+    assert "missing.jsonl" in teach("--like", "missing.jsonl")[1]

@@ -174,10 +174,13 @@ def test_it_is_one_comparator_like_any_other() -> None:
     assert (passed_on.draws.gaps == first.draws.gaps).all()
 
 
-def test_what_is_learned_does_not_hang_on_the_order_of_a_dict() -> None:
+def test_what_is_learned_does_not_depend_on_the_order_of_people() -> None:
     by_name = dict(zip("abcdefghijklmn", alike(14, n=6), strict=True))
     turned = dict(reversed(by_name.items()))
     first, second = (PosteriorComparator(5, like=logs, particles=100) for logs in (by_name, turned))
+    assert first.like == second.like
+    in_lists = [[*by_name.values()], [*turned.values()]]
+    first, second = (PosteriorComparator(5, like=logs, particles=100) for logs in in_lists)
     assert first.like == second.like
 
 
@@ -227,3 +230,10 @@ def test_what_is_no_log_a_person_is_refused(
 ) -> None:
     with pytest.raises(error, match=message):
         PosteriorComparator(5, like=like)
+
+
+def test_a_merged_log_of_several_people_is_no_person() -> None:
+    d = np.array([[0.5, -1.0, 0.5], [0.2, -0.5, 0.3]])
+    both = Answers(d, [1, -1], ["a", "b"], who=["ann", "ben"])
+    with pytest.raises(ValueError, match="of several people, 'ann', 'ben': give those of each"):
+        PosteriorComparator(3, like=[both])
