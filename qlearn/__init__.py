@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from qlearn.mdp.ordinal_mdp import OrdinalMDP
     from qlearn.mdp.planning import evaluate_policy, policy_loss, value_iteration
     from qlearn.panel.asking_for_the_worst_off import WorstOffIteration, WorstOffResult
-    from qlearn.panel.following import Following, cost_of_following
+    from qlearn.panel.following import Following, cost_of_following, cost_of_following_a_choice
     from qlearn.panel.worst_off import WorstOffPolicy, policy_for_the_worst_off
     from qlearn.problems.hidden_scales import hidden_scales
     from qlearn.problems.icu_sepsis import icu_sepsis
@@ -48,7 +48,7 @@ _NAMES = {  # imported when first used, so that the command line starts fast
     "qlearn.mdp.equal_gaps": ("UnaskedLoss", "equal_gaps_policy", "unasked_loss"),
     "qlearn.mdp.ordinal_mdp": ("OrdinalMDP",),
     "qlearn.mdp.planning": ("evaluate_policy", "policy_loss", "value_iteration"),
-    "qlearn.panel.following": ("Following", "cost_of_following"),
+    "qlearn.panel.following": ("Following", "cost_of_following", "cost_of_following_a_choice"),
     "qlearn.panel.worst_off": ("WorstOffPolicy", "policy_for_the_worst_off"),
     "qlearn.problems.hidden_scales": ("hidden_scales",),
     "qlearn.problems.icu_sepsis": ("icu_sepsis",),
@@ -96,6 +96,7 @@ __all__ = [
     "WorstOffPolicy",
     "WorstOffResult",
     "cost_of_following",
+    "cost_of_following_a_choice",
     "draw_values",
     "drive",
     "equal_gaps_policy",
