@@ -49,11 +49,12 @@ def proofs() -> None:
 
 @jit.compiling()
 def moves() -> None:
-    """Let the posterior learn answers, of one person and of two."""
+    """Let the posterior learn answers, of one person and of two, and with a prior."""
     _choose(PosteriorComparator(5, particles=50, seed=0))
     rows = np.diff(_rows(21), axis=0)
     answers = Answers(rows, [1, -1] * 10, who=["ann", "ann", "ben", "ben"] * 5)
     PosteriorComparator(5, particles=50, seed=0, raters=True).update(answers)
+    PosteriorComparator(5, particles=50, seed=0, prior=["e3 >= 0.2"]).update(answers)
 
 
 @jit.compiling()

@@ -213,25 +213,15 @@ class PairJudge:
 
 @written_out
 def glance(
-    q: Any,
-    s: int,
-    a: int,
-    b: int,
-    row: int,
-    d: Any,
-    t: Any,
-    dominance: bool,
-    plain: bool,
-    certificates: Certificates,
+    verdict: int, row: int, t: Any, dominance: bool, plain: bool, certificates: Certificates
 ) -> tuple[int, int]:
-    """Decide Q(s, a) against Q(s, b) of q (S, A, k) if that takes no proof: verdict and tier.
+    """Decide a pair with tail sums t (p,) if that takes no proof: verdict and tier.
 
-    It goes by eq. (4), or by the row's certificate. The tier is OPEN if the oracle, where there is
-    one, or else ``decide`` has to go on. Writes the difference into d (k,), its tail sums into t
-    (p,).
+    It goes by the verdict of eq. (4), which ``difference`` returns, or by the row's certificate.
+    The tier is OPEN if the oracle, where there is one, or else ``decide`` has to go on.
     """
     limits, sides, tiers = certificates
-    verdict, tier = difference(q, s, a, b, d, t), OPEN
+    tier = OPEN
     if verdict == EQUAL:
         tier = BY_EQUAL
     elif dominance and verdict != UNKNOWN:

@@ -18,7 +18,16 @@ from elicit._support.jit import compiled
 from elicit.lp.sign_proofs import BY_DOMINANCE
 from elicit.model.difference_kernel import BETTER, UNKNOWN, UNSETTLED
 from elicit.tutors.simulated_kernel import NOBODY, respond
-from qlearn.learners.action_pair_kernel import BY_TUTOR, OPEN, Judging, decide, full, glance, keep
+from qlearn.learners.action_pair_kernel import (
+    BY_TUTOR,
+    OPEN,
+    Judging,
+    decide,
+    difference,
+    full,
+    glance,
+    keep,
+)
 
 DONE, ASK, DEFER, FULL = range(4)
 EXPLORE, ACTION, TRANSITION, RESTART, FIRST_BEST, AUDITS = (
@@ -104,12 +113,8 @@ def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
                         return FULL
                     row = s * m + challenger
                     verdict, tier = glance(
-                        q,
-                        s,
-                        challenger,
-                        incumbent,
+                        difference(q, s, challenger, incumbent, d, t),
                         row,
-                        d,
                         t,
                         dominance,
                         plain,

@@ -16,7 +16,15 @@ from elicit.model.comparator import Tier
 from elicit.model.difference_kernel import BETTER, UNKNOWN, UNSETTLED
 from elicit.model.scale import Floats
 from elicit.tutors.simulated_kernel import NOBODY, respond
-from qlearn.learners.action_pair_kernel import BY_TUTOR, OPEN, Judging, decide, glance, keep
+from qlearn.learners.action_pair_kernel import (
+    BY_TUTOR,
+    OPEN,
+    Judging,
+    decide,
+    difference,
+    glance,
+    keep,
+)
 from qlearn.mdp.backup import MdpArrays, back_up_from
 
 DONE, ANSWERED = -1, 0  # beside UNKNOWN and UNSETTLED: how a state stands
@@ -93,7 +101,7 @@ def sweep(states: Any, work: Work, model: MdpArrays, judging: Judging, out: Outc
                 if a == best or ends[row] == ends[row + 1]:
                     continue
                 verdict, tier = glance(
-                    vectors, 0, a, best, row, d, t, dominance, plain, certificates
+                    difference(vectors, 0, a, best, d, t), row, t, dominance, plain, certificates
                 )
                 if tier == OPEN and turns:
                     verdict, tier = respond(t, oracle), BY_TUTOR
