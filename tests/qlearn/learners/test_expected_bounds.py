@@ -37,6 +37,7 @@ def test_more_questions_prove_more_and_no_session_is_worse_than_none(
     assert known.answers.d.shape == (0, mdp.k)
 
 
+@pytest.mark.slow
 def test_the_range_holds_for_scales_as_drawn(mdp: qlearn.OrdinalMDP) -> None:
     plan = qlearn.expected_bounds(mdp, elicit.PolytopeComparator(mdp.k), 3, runs=12, seed=2)
     found = [ended(mdp, qlearn.hidden_scales("even", mdp.k, seed), 3) for seed in range(12)]
