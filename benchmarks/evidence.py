@@ -89,19 +89,17 @@ def missing(page: Page) -> list[str]:
     return [extra for extra in page.needs if find_spec(NEEDS[extra]) is None]
 
 
-def tell(pages: Sequence[Page]) -> int:
-    """Print what there is, and make nothing; returns 1 if a page is stale."""
-    stale = [page for page in pages if page.state != "current"]
-    for page in pages:
+def tell(states: Sequence[tuple[Page, str]]) -> None:
+    """Print pages with their states, and what it would take to make those that are stale."""
+    for page, state in states:
         needs = f" (needs {', '.join(page.needs)})" if page.needs else ""
-        state = page.state if page in stale else "current"
         print(f"{page.name}: {state}; {page.minutes:g} min{needs}: python -m {page.command}")
+    stale = [page for page, state in states if state != "current"]
     hours = sum(page.minutes for page in stale) / 60
     print(
         f"--all makes the {len(stale)} that are stale again, in about {hours:.0f} hours; "
         "--only NAME some of them"
     )
-    return int(bool(stale))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -129,12 +127,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if given.fresh and not makes:
         parser.error("--fresh goes with --all, or with --only and the names of pages")
     chosen = [page for page in PAGES if given.only is None or page.name in given.only]
-    if given.stale:
-        stale = [page for page in chosen if page.state != "current"]
-        return tell(stale) if stale else 0
     if not makes:
-        tell(chosen)
-        return 0
+        states = [(page, page.state) for page in chosen]
+        if given.stale:
+            states = [(page, state) for page, state in states if state != "current"]
+        if states or not given.stale:
+            tell(states)
+        return int(given.stale and bool(states))
     left = []
     for page in chosen:
         if page.state == "current" and not given.fresh:

@@ -3,12 +3,57 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import contextmanager
 from threading import Condition, Event, Thread, main_thread
-from typing import Any
+from typing import Any, Generic, TypeVar
+
+K = TypeVar("K", bound=Hashable)
+V = TypeVar("V")
 
 _LOOK = 0.2  # seconds after which a thread that waits looks whether it was given up
+
+
+class MadeAhead(Generic[K, V]):
+    """Values that are made before they are needed, by key.
+
+    ``steps`` may run in another thread than ``take``.
+    """
+
+    def __init__(self) -> None:
+        self._made: dict[K, V] = {}
+        self._computing: tuple[K] | None = None
+        self._changed = Condition()
+
+    def steps(self, makes: Mapping[K, Callable[[], V]]) -> Iterator[None]:
+        """Make one value a step, in this order, and forget those of other keys.
+
+        A step that fails is left out. It fails again, and is reported, when it is needed.
+        """
+        self._made = {key: made for key, made in self._made.items() if key in makes}
+        for key, make in makes.items():
+            if key in self._made:
+                continue
+            with self._changed:
+                self._computing = (key,)
+            try:
+                self._made[key] = make()
+            except Exception:
+                pass
+            finally:
+                with self._changed:
+                    self._computing = None
+                    self._changed.notify_all()
+            yield
+
+    def take(self, key: K) -> V | None:
+        """Give away the value of a key, or return None if it was not made.
+
+        If it is being made, the call waits for it.
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: self._computing != (key,))
+        return self._made.pop(key, None)
 
 
 class Turns:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator
-from threading import Condition
+from functools import partial
 
 from elicit.model.query import Answer, Query, Verdict
 from elicit.person.asker import AfterAnswer, Asker, tell
+from elicit.person.background import MadeAhead
 
 _LIKELY_FIRST = (Verdict.BETTER, Verdict.WORSE, Verdict.EQUAL, None)
 
@@ -36,33 +37,20 @@ class LookAhead:
     ) -> None:
         self.asker, self.query = asker, query
         self._twin, self._swapped, self._who = twin, swapped, who
-        self._told: dict[Verdict | None, AfterAnswer] = {}
-        self._computing: tuple[Verdict | None] | None = None
-        self._changed = Condition()
+        self._ahead = MadeAhead[Verdict | None, AfterAnswer]()
 
     def steps(self) -> Iterator[None]:
-        """Compute one answer a step.
+        """Compute one answer a step. A step that fails is left out."""
+        return self._ahead.steps(
+            {verdict: partial(self._after, verdict) for verdict in _LIKELY_FIRST}
+        )
 
-        A step that fails is left out. It fails again, and is reported, when it is needed.
-        """
-        for verdict in _LIKELY_FIRST:
-            if verdict in self._told:
-                continue
-            with self._changed:
-                self._computing = (verdict,)
-            try:
-                asker = copy.deepcopy(self._twin)
-                answer = Answer(self.query, verdict, self._swapped, self._who)
-                found = AfterAnswer(asker, tell(asker, answer))
-                asker.ask()
-                self._told[verdict] = found
-            except Exception:
-                pass
-            finally:
-                with self._changed:
-                    self._computing = None
-                    self._changed.notify_all()
-            yield
+    def _after(self, verdict: Verdict | None) -> AfterAnswer:
+        asker = copy.deepcopy(self._twin)
+        answer = Answer(self.query, verdict, self._swapped, self._who)
+        found = AfterAnswer(asker, tell(asker, answer))
+        asker.ask()
+        return found
 
     def waits_for(self, asker: Asker, query: Query) -> bool:
         """Return whether this looks ahead to the answers to this query of this asker."""
@@ -86,6 +74,4 @@ class LookAhead:
             return None
         if answer.who != Answer(self.query, None, who=self._who).who:
             return None
-        with self._changed:
-            self._changed.wait_for(lambda: self._computing != (answer.verdict,))
-        return self._told.pop(answer.verdict, None)
+        return self._ahead.take(answer.verdict)

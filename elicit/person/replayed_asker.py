@@ -8,15 +8,15 @@ of the log, for example with another comparator, and where an answer is withdraw
 followed. It then knows the earlier answers from the start (``known=``).
 """
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from inspect import Parameter, signature
-from threading import Condition
 from typing import Any, NamedTuple
 
 from elicit.model.query import Answer, InconsistentAnswers
 from elicit.person.asker import AfterAnswer, Asker, MakeAsker, Supposed, counts, tell
+from elicit.person.background import MadeAhead
 from elicit.tutors.answer_log import CONTRADICTS, WHO, AnswerLog, Entry
 
 _MOST_TOLD_AGAIN = 60
@@ -52,50 +52,6 @@ class _Standing(NamedTuple):
     )
 
 
-class Restarts:
-    """Askers that are made ahead of the answer that makes them necessary.
-
-    ``steps`` may run in another thread than ``take``.
-    """
-
-    def __init__(self) -> None:
-        self._made: dict[_Key, Made] = {}
-        self._computing: _Key | None = None
-        self._changed = Condition()
-
-    def steps(self, makes: Mapping[_Key, Callable[[], Made]]) -> Iterator[None]:
-        """Make one asker a step, and forget those of earlier questions.
-
-        A step that fails is left out. It fails again, and is reported, when it is needed.
-        """
-        self._made = {key: made for key, made in self._made.items() if key in makes}
-        for key, make in makes.items():
-            if key in self._made:
-                continue
-            with self._changed:
-                self._computing = key
-            try:
-                made = make()
-                made[0].ask()
-                self._made[key] = made
-            except Exception:
-                pass
-            finally:
-                with self._changed:
-                    self._computing = None
-                    self._changed.notify_all()
-            yield
-
-    def take(self, key: _Key) -> Made | None:
-        """Give away the asker that knows these answers, or None if it was not made.
-
-        If it is being made, the call waits for it.
-        """
-        with self._changed:
-            self._changed.wait_for(lambda: self._computing != key)
-        return self._made.pop(key, None)
-
-
 class ReplayedAsker:
     """Makes the asker that a log stands for, and tells it what is appended to the log.
 
@@ -124,7 +80,7 @@ class ReplayedAsker:
         self._log = log
         self._stamp = stamp
         self._stands: _Standing | None = None  # None: the asker is to be made from the log
-        self._restarts = Restarts()
+        self._restarts = MadeAhead[_Key, Made]()
 
     @staticmethod
     def check(asker: Any) -> None:
@@ -329,8 +285,13 @@ class ReplayedAsker:
         """
         before = [entry for entry in self._log if not entry.retracted and not entry.repeat]
         after = [[*before, Entry(answer)] for answer in answers]
-        makes = {_key_of(known): partial(self._knowing, known) for known in after}
-        return self._restarts.steps(makes)
+
+        def make(known: list[Entry]) -> Made:
+            made = self._knowing(known)
+            made[0].ask()  # the next question is computed now, too
+            return made
+
+        return self._restarts.steps({_key_of(known): partial(make, known) for known in after})
 
     def supposing(
         self, without: Collection[str], meant: Sequence[Answer]

@@ -286,9 +286,11 @@ def certify(judged: Judgement, least: Any, row: int, certificates: Certificates)
 
 @compiled
 def full(used: Any, room: int, fill: Any) -> bool:
-    """Whether what was kept or told must be handed over before another pair is judged: there may be
-    no more of it, or the comparator has learned something. ``used`` (1,) of ``room`` comparisons
-    are kept, and ``fill`` is that of ``Told``."""
+    """Return whether what was kept or told must be handed over before another pair is judged.
+
+    There may be no more of it, or the comparator has learned something. ``used`` (1,) of ``room``
+    comparisons are kept, and ``fill`` is that of ``Told``.
+    """
     return bool((used[0] == room and room > 0) or (fill[USED] > 0 and fill[USED] == fill[ROOM]))
 
 
