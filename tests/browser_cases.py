@@ -10,8 +10,16 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
-from elicit import Answer, Answers, InconsistentAnswers, PolytopeComparator, Query, Session, Words
-from elicit.person.interview import Subject
+from elicit import (
+    Answer,
+    Answers,
+    InconsistentAnswers,
+    PolytopeComparator,
+    Query,
+    Session,
+    Subject,
+    Words,
+)
 
 LABELS = ("died", "moderate", "recovered")
 PREAMBLE = (

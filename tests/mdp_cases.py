@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from elicit.model.scale import Floats, values_of
 from qlearn import OrdinalMDP, draw_values, policy_loss
+from tests.scale_arithmetic import Floats, values_of
 
 
 def messy_mdp(

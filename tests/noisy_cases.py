@@ -21,7 +21,7 @@ from elicit import (
     Verdict,
 )
 from elicit.comparators.bradley_terry.density import ParticlePrior
-from elicit.model.difference import dominance, tail_sums
+from tests.scale_arithmetic import dominance, tail_sums
 
 Floats = NDArray[np.float64]
 Rng = np.random.Generator

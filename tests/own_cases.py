@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from elicit import Answer, Answers, Query
-from elicit.model.comparator import Comparator, check_answers
-from elicit.model.difference import as_vectors, tail_sums
-from elicit.model.scale import Floats, normalise
+from elicit import Answer, Answers, Comparator, Query
+from elicit.model.comparator import check_answers
+from elicit.model.difference import as_vectors
 from qlearn import InteractivePolicyIteration, Learner, OrdinalMDP, random_mdp
+from tests.scale_arithmetic import Floats, normalise, tail_sums
 
 
 class Exact:

@@ -15,8 +15,8 @@ import numpy as np
 
 import elicit
 import qlearn
-from elicit.model.difference import tail_sums
 from elicit.model.pairs import pair_numbers, whole_numbers
+from tests.scale_arithmetic import tail_sums
 
 RECORD = Path(__file__).parent / "asked_on_every_processor.txt"
 """The lines of ``report``, which every processor must give."""

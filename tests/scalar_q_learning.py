@@ -9,10 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from elicit.model.scale import Floats
+from qlearn import OrdinalMDP
 from qlearn.learners.q_learning_kernel import FIRST_BEST
-from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.reference import Learned, Walk, actions, pick
+from tests.scale_arithmetic import Floats
 
 
 def scalar_q_learning(

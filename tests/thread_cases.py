@@ -10,7 +10,8 @@ import numpy as np
 
 import elicit
 import qlearn
-from elicit.model.comparator import bounds_of, simultaneous_bounds
+from elicit import simultaneous_bounds
+from elicit.model.comparator import bounds_of
 from tests.compile_cases import LEARNERS
 
 

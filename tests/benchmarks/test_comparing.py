@@ -12,9 +12,9 @@ from benchmarks.comparing import comparison_cost as lp
 from benchmarks.comparing import lp_methods as methods
 from benchmarks.comparing.recorded_streams import Recorder, Stream, cuts, needed_rows, record
 from elicit import Answers, Comparator, PolytopeComparator, TruthfulTutor, Verdict
-from elicit.model.difference import tail_sums
 from qlearn import InteractiveQLearning, drive, random_mdp
 from tests.report_cases import quick_report, table_rows
+from tests.scale_arithmetic import tail_sums
 
 MARGIN = 1e-6
 

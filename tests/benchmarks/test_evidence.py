@@ -45,11 +45,11 @@ from benchmarks.people.repeats import of_logs
 from benchmarks.posteriors import preference_posteriors
 from benchmarks.reporting import with_interval
 from benchmarks.training import dqn_on_terrain, training_questions
-from elicit.model.scale import Floats
 from elicit.people import repeated_gambles
 from qlearn.paper.claims import claims_page
 from qlearn.paper.figure_runs import figures
 from tests.report_cases import table_rows
+from tests.scale_arithmetic import Floats
 from tests.thoroughness import thorough
 
 PAGE = {page.name: page for page in PAGES}

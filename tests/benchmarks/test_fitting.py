@@ -19,9 +19,8 @@ from benchmarks.fitting.fit_methods import ENTRIES, FREE, ORDERED, RIDGED, Entry
 from benchmarks.fitting.logistic_libraries import NoFit
 from benchmarks.fitting.tutor_data import FRESH, Data, draw, open_pairs
 from elicit import Answers, TruthfulTutor, Verdict
-from elicit.model.difference import dominance, tail_sums
-from elicit.model.scale import values_of
 from tests.report_cases import quick_report, table_rows
+from tests.scale_arithmetic import dominance, tail_sums, values_of
 
 LOOSE = {
     "default tol": 0.05,

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.people import panel
-from qlearn.mdp.ordinal_mdp import OrdinalMDP
-from qlearn.problems.random_mdp import random_mdp
+from qlearn import OrdinalMDP, random_mdp
 from tests.report_cases import table_rows
 
 

@@ -9,9 +9,8 @@ from scipy.integrate import dblquad
 from scipy.stats import beta, norm
 
 from benchmarks.people import answers_of_people, choices, comparators, error_laws, repeats
-from elicit import Answer, PosteriorComparator, Query
+from elicit import Answer, AnswerLog, PosteriorComparator, Query
 from elicit.people import GAMBLES, repeated_gambles
-from elicit.tutors.answer_log import AnswerLog
 from tests.report_cases import quick_report
 
 BAGS = [([0.5, 0, 0.5], [0, 1, 0]), ([0.2, 0.8, 0], [0.6, 0, 0.4]), ([0.9, 0, 0.1], [0.4, 0.6, 0])]

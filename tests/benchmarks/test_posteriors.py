@@ -9,8 +9,8 @@ from benchmarks.posteriors import gaussian_process as gp
 from benchmarks.posteriors import markov_chains as chains
 from benchmarks.posteriors import preference_posteriors as bench
 from elicit import Answers, Verdict
-from elicit.model.difference import dominance, tail_sums
 from tests.report_cases import quick_report, table_rows
+from tests.scale_arithmetic import dominance, tail_sums
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from elicit import (
     choose,
     objectives,
 )
-from elicit.model.difference import tail_sums
+from tests.scale_arithmetic import tail_sums
 
 
 def test_there_and_back():

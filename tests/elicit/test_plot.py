@@ -19,19 +19,22 @@ from matplotlib.patches import FancyArrowPatch, Polygon, Rectangle
 
 from elicit import (
     AlwaysAsk,
+    Answer,
+    Answers,
     BradleyTerryComparator,
     Dominance,
     PolytopeComparator,
     PosteriorComparator,
+    Query,
     RelaxedPolytopeComparator,
     TruthfulTutor,
+    Verdict,
     plot,
 )
 from elicit.diagnostics.preference_graph import cycles, preference_graph
-from elicit.model.difference import dominance, tail_sums
-from elicit.model.query import Answer, Answers, Query, Verdict
 from tests.lp_cases import equalities
 from tests.noisy_cases import differences
+from tests.scale_arithmetic import dominance, tail_sums
 from tests.thoroughness import examples
 
 matplotlib.use("Agg")

@@ -15,10 +15,10 @@ from elicit import (
     Dominance,
     PolytopeComparator,
     Query,
+    TruthfulTutor,
     Verdict,
 )
 from elicit._support.hashing import key_of
-from elicit.tutors.simulated import TruthfulTutor
 from qlearn import OrdinalMDP, policy_loss, random_mdp
 from qlearn.reference import (
     Answered,

@@ -27,9 +27,9 @@ from qlearn import (
     LateValueIteration,
     OrdinalMDP,
     evaluate_policy,
+    random_mdp,
     value_iteration,
 )
-from qlearn.problems.random_mdp import random_mdp
 from tests.interruptions import interrupted_at_each_line
 from tests.thoroughness import quick_first
 

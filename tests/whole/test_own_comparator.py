@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import qlearn
-from elicit import Answers, Bags, TruthfulTutor, choose, compare_held_out
-from elicit.decision.verdicts import decide
+from elicit import Answers, Bags, TruthfulTutor, choose, compare_held_out, decide
 from elicit.model import comparator as protocols
 from elicit.model.comparator import best_guess, bounds_of
 from elicit.testing import check_comparator, sample_differences

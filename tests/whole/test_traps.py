@@ -8,27 +8,37 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit import AlwaysAsk, AnswerLog, Comparator, Dominance, PolytopeComparator
-from elicit.comparators.bradley_terry.bootstrap_comparator import (
+from elicit import (
+    AlwaysAsk,
+    Answer,
+    AnswerLog,
+    Answers,
     BradleyTerryComparator,
-    NotConverged,
+    BradleyTerryTutor,
+    Comparator,
+    Dominance,
+    FlippingTutor,
+    InconsistentAnswers,
+    PolytopeComparator,
+    Query,
+    TruthfulTutor,
+    Verdict,
 )
-from elicit.model.difference import dominance, tail_sums
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
-from elicit.model.scale import Floats
-from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
+from elicit.comparators.bradley_terry.bootstrap_comparator import NotConverged
 from qlearn import (
     InteractiveQLearning,
     InteractiveValueIteration,
     OrdinalMDP,
     Result,
     Status,
+    draw_values,
     drive,
     policy_loss,
+    random_mdp,
 )
 from qlearn.learners.exploration import Exploration, Start
-from qlearn.problems.random_mdp import draw_values, random_mdp
 from tests.mdp_cases import messy_mdp
+from tests.scale_arithmetic import Floats, dominance, tail_sums
 
 Make = Callable[..., Any]
 

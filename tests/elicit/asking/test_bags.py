@@ -5,10 +5,10 @@ tell.
 import numpy as np
 import pytest
 
-from elicit.asking.bags import Bags, ease, entropy, information
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.difference import tail_sums
+from elicit import Bags, PolytopeComparator
+from elicit.asking.bags import ease, entropy, information
 from elicit.tutors.erring_tutor import says_left
+from tests.scale_arithmetic import tail_sums
 
 ABOUT = np.array([[0.5, -1.0, 0.5]])
 

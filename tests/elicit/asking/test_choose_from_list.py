@@ -11,17 +11,21 @@ from hypothesis import strategies as st
 
 from elicit import (
     AlwaysAsk,
+    Answer,
+    Answers,
     Dominance,
     FlippingTutor,
+    InconsistentAnswers,
     PolytopeComparator,
+    Query,
+    StaleAnswer,
     Status,
     Tier,
     TruthfulTutor,
+    Verdict,
+    choose,
 )
-from elicit.asking.choose_from_list import choose
-from elicit.model.difference import tail_sums
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
-from elicit.model.scale import dot, gaps
+from tests.scale_arithmetic import dot, gaps, tail_sums
 from tests.thoroughness import examples, scaled
 
 K = 5

@@ -12,18 +12,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from elicit import Dominance, PolytopeComparator
+from elicit import (
+    Answer,
+    Answers,
+    Comparator,
+    Dominance,
+    FlippingTutor,
+    InconsistentAnswers,
+    PolytopeComparator,
+    Query,
+    RelaxedPolytopeComparator,
+    Tier,
+    TruthfulTutor,
+    Verdict,
+)
 from elicit.asking.elicitation import Decisions, Elicitation, Pair
 from elicit.asking.elicitation_kernel import NO_FACT, AskingRule, Facts, judge_pair, settle
-from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
 from elicit.decision.comparator_rule import rule_of
-from elicit.model.comparator import BY_ANSWERS, Comparator, Tier
-from elicit.model.difference import dominance, tail_sums
+from elicit.model.comparator import BY_ANSWERS
 from elicit.model.difference_kernel import UNSETTLED
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
-from elicit.model.scale import Floats
-from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from tests.noisy_cases import COMPARATORS
+from tests.scale_arithmetic import Floats, dominance, tail_sums
 from tests.thoroughness import examples
 
 K = 5

@@ -9,16 +9,20 @@ import numpy as np
 import pytest
 
 from elicit import (
+    Answers,
     BradleyTerryComparator,
+    Comparator,
+    FlippingTutor,
     PolytopeComparator,
     PosteriorComparator,
     RelaxedPolytopeComparator,
+    Tier,
+    TruthfulTutor,
+    Verdict,
     decide,
 )
-from elicit.model.comparator import BY_ANSWERS, Comparator, Tier
-from elicit.model.query import Answers, Verdict
+from elicit.model.comparator import BY_ANSWERS
 from elicit.testing import check_comparator
-from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from tests.noisy_cases import pairs
 
 BOOTSTRAP = partial(BradleyTerryComparator, precision=20.0, n_boot=30)

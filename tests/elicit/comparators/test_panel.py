@@ -19,14 +19,14 @@ from elicit import (
     PolytopeComparator,
     PosteriorComparator,
     TruthfulTutor,
+    decide,
 )
 from elicit.comparators.panel import _FORMS
-from elicit.decision.verdicts import decide
 from elicit.model.comparator import OPTIONAL_PARTS, offers
-from elicit.model.difference import tail_sums
 from elicit.model.pairs import same_pairs
 from elicit.testing import check_comparator, sample_differences
 from tests.own_cases import Exact
+from tests.scale_arithmetic import tail_sums
 from tests.thoroughness import examples
 
 K = 4

@@ -7,21 +7,24 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from elicit import (
+    Answers,
     BradleyTerryComparator,
+    Comparator,
     Dominance,
+    FlippingTutor,
     PolytopeComparator,
     PosteriorComparator,
     RelaxedPolytopeComparator,
+    TruthfulTutor,
+    Verdict,
+    decide,
 )
 from elicit.decision.comparator_rule import NOTHING, PROVEN, nothing, rule_of
 from elicit.decision.judge_kernel import certifies, judge, within
-from elicit.decision.verdicts import decide, decide_by
-from elicit.model.comparator import Comparator
-from elicit.model.difference import tail_sums
+from elicit.decision.verdicts import decide_by
 from elicit.model.difference_kernel import UNSETTLED
-from elicit.model.query import Answers, Verdict
-from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from tests.noisy_cases import pairs
+from tests.scale_arithmetic import tail_sums
 
 NOWHERE = np.empty(0)
 K = 6

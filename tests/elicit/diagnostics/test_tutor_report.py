@@ -10,14 +10,30 @@ import pytest
 from scipy.special import betaincinv, expit, gammaln
 from scipy.stats import binomtest
 
-from elicit import AlwaysAsk, AnswerLog, BradleyTerryComparator, Dominance, PolytopeComparator
-from elicit.comparators.bradley_terry.particle_comparator import CONCENTRATION, PosteriorComparator
-from elicit.diagnostics.held_out import compare_held_out, held_out, wilson
-from elicit.diagnostics.tutor_report import exact_share, tutor_report
-from elicit.model.difference import dominance, tail_sums
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
-from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
+from elicit import (
+    AlwaysAsk,
+    Answer,
+    AnswerLog,
+    Answers,
+    BradleyTerryComparator,
+    BradleyTerryTutor,
+    Dominance,
+    FlippingTutor,
+    InconsistentAnswers,
+    PolytopeComparator,
+    PosteriorComparator,
+    Query,
+    TruthfulTutor,
+    Verdict,
+    compare_held_out,
+    held_out,
+    tutor_report,
+)
+from elicit.comparators.bradley_terry.particle_comparator import CONCENTRATION
+from elicit.diagnostics.held_out import wilson
+from elicit.diagnostics.tutor_report import exact_share
 from tests.noisy_cases import log_terms
+from tests.scale_arithmetic import dominance, tail_sums
 from tests.thoroughness import quick_first
 
 FAST = 40  # particles enough for a rough check

@@ -14,9 +14,8 @@ from elicit import Answers, PolytopeComparator
 from elicit.lp.analytic_centre import analytic_centre
 from elicit.lp.clarabel_programs import Programs, Solved
 from elicit.lp.rounding import certified_bound, pull_inside, strictly_inside
-from elicit.model.difference import tail_sums
-from elicit.model.scale import Floats
 from tests.lp_cases import Oracle, exact, exactly, region, shares
+from tests.scale_arithmetic import Floats, tail_sums
 
 
 def truthful(

@@ -11,8 +11,8 @@ import pytest
 
 from elicit.lp.dual_simplex import End, Vertex, minimise, minimise_exactly
 from elicit.lp.region import Region
-from elicit.model.difference import tail_sums
 from tests.lp_cases import cases, dot, exact, exactly, is_empty, least_from_scratch, region
+from tests.scale_arithmetic import tail_sums
 from tests.thoroughness import quick_first
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from elicit import PolytopeComparator
-from elicit.model.scale import Floats
 from tests.lp_cases import equalities
+from tests.scale_arithmetic import Floats
 
 VALUES = np.array([0.0, 0.2, 0.4, 0.8, 1.0])
 

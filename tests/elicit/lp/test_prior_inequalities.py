@@ -10,15 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from elicit import PolytopeComparator, PosteriorComparator, Verdict
-from elicit.lp.prior_inequalities import (
+from elicit import (
     Inequality,
-    Prior,
-    as_prior,
+    PolytopeComparator,
+    PosteriorComparator,
+    Verdict,
     inequalities,
     inequality,
-    readable,
 )
+from elicit.lp.prior_inequalities import Prior, as_prior, readable
 from elicit.lp.region import prior_rows
 from tests.thoroughness import examples
 

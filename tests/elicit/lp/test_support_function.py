@@ -15,7 +15,7 @@ from elicit import (
     simultaneous_bounds,
 )
 from elicit.model.comparator import bounds_after, bounds_on_trial
-from elicit.model.difference import tail_sums
+from tests.scale_arithmetic import tail_sums
 
 
 def differences(rng, n, k):

@@ -9,7 +9,6 @@ import pytest
 
 from elicit import Answers, InconsistentAnswers, PolytopeComparator, Verdict
 from elicit.lp.dual_simplex import minimise_exactly
-from elicit.model.difference import tail_sums
 from tests.lp_cases import (
     KINDS,
     Oracle,
@@ -27,6 +26,7 @@ from tests.lp_cases import (
     tails,
     verdict,
 )
+from tests.scale_arithmetic import tail_sums
 from tests.thoroughness import quick_first
 
 

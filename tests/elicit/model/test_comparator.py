@@ -9,7 +9,16 @@ import numpy as np
 import pytest
 
 import elicit
-from elicit import AlwaysAsk, Answers, Dominance, Verdict, decide
+from elicit import (
+    AlwaysAsk,
+    Answers,
+    Comparator,
+    Dominance,
+    Tier,
+    Verdict,
+    decide,
+    simultaneous_bounds,
+)
 from elicit.decision import comparator_rule
 from elicit.decision.comparator_rule import nothing
 from elicit.model import comparator as protocols
@@ -18,21 +27,18 @@ from elicit.model.comparator import (
     AllowsLapses,
     AllowsTies,
     BoundsAllAtOnce,
-    Comparator,
     Decisions,
     PersonAsked,
     PredictsAnswers,
-    Tier,
     TrustsDraws,
     check_levels,
     draws_in,
     offers,
-    simultaneous_bounds,
     verdicts_from,
 )
-from elicit.model.difference import as_vectors, dominance, tail_sums
-from elicit.model.scale import dot
+from elicit.model.difference import as_vectors
 from elicit.testing import check_comparator, sample_differences
+from tests.scale_arithmetic import dominance, dot, tail_sums
 
 
 @pytest.mark.parametrize(

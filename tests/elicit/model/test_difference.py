@@ -10,14 +10,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 import elicit
-from elicit.model.difference import (
-    MOST,
-    as_differences,
-    as_vectors,
-    dominance,
-    of_order_one,
-    tail_sums,
-)
+from elicit import as_differences
+from elicit.model.difference import MOST, as_vectors, dominance, of_order_one, tail_sums
 from elicit.model.difference_kernel import by_dominance, tail_sums_into, to_order_one
 from elicit.model.scale import dot
 from tests.lp_cases import exact

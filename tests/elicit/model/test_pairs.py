@@ -5,10 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from elicit import Query
+from elicit import Query, Verdict
 from elicit._support.jit import compiling
 from elicit.asking.answered_pairs import AnsweredPairs
-from elicit.model.difference import tail_sums
 from elicit.model.pairs import (
     GRID,
     NEAR,
@@ -20,8 +19,7 @@ from elicit.model.pairs import (
     whole_numbers,
 )
 from elicit.model.pairs_kernel import find, near_to, pair_code, way_round
-from elicit.model.query import Verdict
-from elicit.model.scale import Floats
+from tests.scale_arithmetic import Floats, tail_sums
 
 KEY = np.uint64(5)
 

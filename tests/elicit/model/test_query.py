@@ -10,16 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from elicit import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 from elicit.model.difference import MOST
-from elicit.model.query import (
-    Answer,
-    Answers,
-    InconsistentAnswers,
-    Query,
-    StaleAnswer,
-    Verdict,
-    match,
-)
+from elicit.model.query import match
 from tests.thoroughness import examples
 
 LEFT, RIGHT = [0.5, 0.25, 0.25], [0.25, 0.75, 0.0]

@@ -15,12 +15,16 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import elicit
-from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
-from elicit.lp.prior_inequalities import as_prior, inequality
-from elicit.model.query import Answers
-from elicit.model.scale_variable import linear_rows, scale_variable
+from elicit import (
+    Answers,
+    PolytopeComparator,
+    PosteriorComparator,
+    RelaxedPolytopeComparator,
+    inequality,
+    scale_variable,
+)
+from elicit.lp.prior_inequalities import as_prior
+from elicit.model.scale_variable import linear_rows
 from tests.thoroughness import examples
 
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from elicit.model.difference import tail_sums
 from elicit.people import knots_of, shares_over
+from tests.scale_arithmetic import tail_sums
 
 KNOTS = [0, 7, 10, 40, 100]
 

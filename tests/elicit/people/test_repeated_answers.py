@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from elicit import Answer, Query, Tutor, Verdict
+from elicit import Answer, AnswerLog, Query, Tutor, Verdict
 from elicit.people import NoRepeatLeft, RepeatedAnswersTutor, repeated_gambles
-from elicit.tutors.answer_log import AnswerLog
 
 PAIRS = [([0, 1, 0], [0.5, 0, 0.5]), ([0, 1, 0], [0.3, 0, 0.7]), ([0.5, 0.5, 0], [0.7, 0, 0.3])]
 

@@ -5,8 +5,7 @@ from typing import Any
 
 import pytest
 
-from elicit import AnswerLog, PolytopeComparator, Session, Verdict, choose
-from elicit.person.interview import Interview, Subject
+from elicit import AnswerLog, Interview, PolytopeComparator, Session, Subject, Verdict, choose
 
 
 def choosing(known: Any) -> Any:

@@ -13,15 +13,16 @@ from elicit import (
     AnswerLog,
     Bags,
     FlippingTutor,
+    Interview,
     PolytopeComparator,
     PosteriorComparator,
     Query,
     Session,
+    Subject,
     TruthfulTutor,
     Verdict,
     choose,
 )
-from elicit.person.interview import Interview, Subject
 from elicit.person.look_ahead import LookAhead
 from qlearn import InteractivePolicyIteration, InteractiveValueIteration, random_mdp
 from tests.interpreter import run

@@ -16,15 +16,16 @@ from elicit import (
     AnswerLog,
     Answers,
     Bags,
+    Interview,
     PolytopeComparator,
     PosteriorComparator,
     Query,
     Session,
+    Subject,
     TruthfulTutor,
     Verdict,
     choose,
 )
-from elicit.person.interview import Interview, Subject
 from elicit.person.outlook import Outlook, what_is_open
 from elicit.person.showing import show
 from qlearn import InteractivePolicyIteration, random_mdp

@@ -7,15 +7,16 @@ import pytest
 
 from elicit import (
     AnswerLog,
+    Interview,
     PolytopeComparator,
     Query,
     Session,
+    Subject,
     TruthfulTutor,
     Verdict,
     choose,
     tutor_report,
 )
-from elicit.person.interview import Interview, Subject
 from elicit.tutors.answer_log import EXPECTED, REPEATS
 from elicit.tutors.merge_logs import merge_logs
 from qlearn.cli.main import main

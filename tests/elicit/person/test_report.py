@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-from elicit import AnswerLog, Session, Words
-from elicit.person.interview import Interview, Subject
+from elicit import AnswerLog, Interview, Session, Subject, Words
 from elicit.person.report import ReportDetails, report_page
 from tests.browser_cases import QUESTIONS, Listed
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from elicit import Bags, Query, Verdict
-from elicit.person.showing import NARROWEST, Choice, Shown, Words, practice, show
+from elicit import Bags, Query, Verdict, Words
+from elicit.person.showing import NARROWEST, Choice, Shown, practice, show
 
 LABELS = ("died", "critical", "severe", "moderate", "mild", "recovered")
 PATIENTS = Words("patients", "fare")

@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit import AnswerLog, PolytopeComparator, Query, Session, TruthfulTutor
-from elicit.person.interview import Interview, Subject
+from elicit import AnswerLog, Interview, PolytopeComparator, Query, Session, Subject, TruthfulTutor
 from elicit.person.showing import near_in_whole_numbers, show
 from qlearn import InteractivePolicyIteration, draw_values, policy_loss, random_mdp
 from tests.thoroughness import quick_first

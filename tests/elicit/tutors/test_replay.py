@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from elicit import Answer, FlippingTutor, Query, Verdict
-from elicit.tutors.answer_log import AnswerLog, Entry
-from elicit.tutors.replay import NotInLog, ReplayTutor
+from elicit import Answer, AnswerLog, FlippingTutor, Query, ReplayTutor, Verdict
+from elicit.tutors.answer_log import Entry
+from elicit.tutors.replay import NotInLog
 
 
 def query(d, name):

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from scipy.special import expit
 
 from elicit import Answer, BradleyTerryTutor, FlippingTutor, Query, TruthfulTutor, Tutor, Verdict
-from elicit.model.difference import tail_sums
 from elicit.model.difference_kernel import UNSETTLED
-from elicit.model.scale import exact_dot, gaps
+from elicit.model.scale import exact_dot
 from elicit.testing import check_tutor
 from elicit.tutors.simulated_kernel import NOBODY, respond
 from tests.noisy_cases import differences
+from tests.scale_arithmetic import gaps, tail_sums
 from tests.thoroughness import examples
 
 HIDDEN = np.array([3, 10, 11, 40, 99])

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
-from elicit.model.difference import tail_sums
-from elicit.model.query import Query, Verdict
-from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
+from elicit import BradleyTerryTutor, FlippingTutor, Query, TruthfulTutor, Verdict
 from tests.noisy_cases import differences
+from tests.scale_arithmetic import tail_sums
 
 VALUES = np.array([0.0, 0.2, 0.5, 1.0])
 

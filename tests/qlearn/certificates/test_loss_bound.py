@@ -5,25 +5,31 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from elicit import Dominance, PolytopeComparator, PosteriorComparator
-from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
-from elicit.model.comparator import simultaneous_bounds
-from elicit.model.query import Answers
-from elicit.tutors.simulated import TruthfulTutor
+from elicit import (
+    Answers,
+    Dominance,
+    PolytopeComparator,
+    PosteriorComparator,
+    RelaxedPolytopeComparator,
+    TruthfulTutor,
+    simultaneous_bounds,
+)
 from qlearn import (
     InteractivePolicyIteration,
     OrdinalMDP,
     Status,
     drive,
+    evaluate_policy,
     loss_bound,
+    policy_loss,
+    random_mdp,
+    value_iteration,
 )
 from qlearn.certificates.advantages import advantages
 from qlearn.certificates.box_bounds import bounds_of_many
 from qlearn.certificates.drawn_scales import drawn_set
 from qlearn.certificates.loss_bound import guarantee
 from qlearn.learners.query_strategies import most_even_cut
-from qlearn.mdp.planning import evaluate_policy, policy_loss, value_iteration
-from qlearn.problems.random_mdp import random_mdp
 from tests.mdp_cases import losses_under, messy_mdp
 from tests.thoroughness import examples, scaled
 

@@ -13,9 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit import AnswerLog, Bags, PolytopeComparator, Session, Verdict
-from elicit.person.interview import Interview
-from elicit.person.showing import Words
+from elicit import AnswerLog, Bags, Interview, PolytopeComparator, Session, Verdict, Words
 from qlearn import (
     InteractivePolicyIteration,
     OrdinalMDP,

@@ -10,9 +10,8 @@ import pandas as pd
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from elicit import FlippingTutor, PolytopeComparator, Tier, TruthfulTutor
+from elicit import Comparator, FlippingTutor, PolytopeComparator, Tier, TruthfulTutor
 from elicit.catalogue import LOOKS
-from elicit.model.comparator import Comparator
 from elicit.plot import STYLES, kind_of, styles
 from qlearn import (
     InteractivePolicyIteration,

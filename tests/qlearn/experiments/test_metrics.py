@@ -9,11 +9,9 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from elicit import AlwaysAsk, Answers, Query, Verdict
+from elicit import AlwaysAsk, Answers, Query, Tier, Verdict
 from elicit.asking.elicitation import Audit
-from elicit.model.comparator import Decisions, Tier
-from elicit.model.difference import tail_sums
-from elicit.model.scale import Floats, normalise
+from elicit.model.comparator import Decisions
 from qlearn import Guarantee, OrdinalMDP, Result, Status, random_mdp, value_iteration
 from qlearn.experiments.metrics import (
     Watch,
@@ -26,6 +24,7 @@ from qlearn.experiments.metrics import (
     paper_loss,
     reference_differences,
 )
+from tests.scale_arithmetic import Floats, normalise, tail_sums
 
 VALUES = (10.0, 20.0, 50.0)  # normalised: 0, 1/4, 1
 

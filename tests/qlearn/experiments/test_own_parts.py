@@ -19,7 +19,6 @@ from elicit import (
     Query,
     TruthfulTutor,
 )
-from elicit.model.scale import Floats
 from elicit.testing import check_comparator
 from qlearn import InteractivePolicyIteration, InteractiveValueIteration, drive
 from qlearn.experiments import run as runs
@@ -28,6 +27,7 @@ from qlearn.experiments.ablation_plot import NAMES, plot_ablation, table
 from qlearn.experiments.own_parts import Counted
 from qlearn.experiments.settings import AblationSettings
 from tests.own_cases import Exact, careless, certified, exact, tiny
+from tests.scale_arithmetic import Floats
 from tests.sweep_cases import TINY
 
 SMALL: dict[str, Any] = TINY | {"learners": ["value-iteration"], "audit": 0.0, "tolerance": 0.1}

@@ -12,28 +12,31 @@ import pytest
 from elicit import (
     AlwaysAsk,
     Answer,
+    AskingOptions,
     Dominance,
     FlippingTutor,
     PolytopeComparator,
+    Tier,
     TruthfulTutor,
     Verdict,
     choose,
 )
-from elicit.asking.options import AskingOptions
-from elicit.model.comparator import Decisions, Tier
-from elicit.model.scale import Floats
+from elicit.model.comparator import Decisions
 from qlearn import (
     InteractivePolicyIteration,
     InteractiveQLearning,
+    InteractiveValueIteration,
     LateQLearning,
+    LateValueIteration,
     OrdinalMDP,
     Status,
     drive,
+    evaluate_policy,
+    policy_loss,
+    random_mdp,
 )
-from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
-from qlearn.mdp.planning import evaluate_policy, policy_loss
-from qlearn.problems.random_mdp import random_mdp
 from tests.mdp_cases import messy_mdp
+from tests.scale_arithmetic import Floats
 
 Make = Callable[..., Any]
 LEARNERS = (

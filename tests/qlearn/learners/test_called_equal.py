@@ -11,26 +11,31 @@ import numpy as np
 import pytest
 
 from elicit import (
+    AlwaysAsk,
     Answer,
     Answers,
     BradleyTerryComparator,
     InconsistentAnswers,
+    PolytopeComparator,
     PosteriorComparator,
     Query,
+    RelaxedPolytopeComparator,
+    Tier,
+    TruthfulTutor,
     Verdict,
 )
-from elicit.comparators.baselines import AlwaysAsk
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
-from elicit.model.comparator import Tier
-from elicit.tutors.simulated import TruthfulTutor
-from qlearn.learners.learner import Result, Status, drive
-from qlearn.learners.policy_iteration import InteractivePolicyIteration
-from qlearn.learners.q_learning import InteractiveQLearning
-from qlearn.learners.q_learning_asking_late import LateQLearning
-from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
-from qlearn.mdp.planning import policy_loss
-from qlearn.problems.random_mdp import random_mdp
+from qlearn import (
+    InteractivePolicyIteration,
+    InteractiveQLearning,
+    InteractiveValueIteration,
+    LateQLearning,
+    LateValueIteration,
+    Result,
+    Status,
+    drive,
+    policy_loss,
+    random_mdp,
+)
 from tests.thoroughness import quick_first, scaled
 
 LEARNERS = {

@@ -15,6 +15,7 @@ from elicit import (
     Answer,
     AnswerLog,
     Answers,
+    FlippingTutor,
     PolytopeComparator,
     PosteriorComparator,
     Query,
@@ -23,7 +24,6 @@ from elicit import (
 )
 from elicit.asking.options import MAX_AUDITS
 from elicit.model.pairs import pair_numbers
-from elicit.tutors.simulated import FlippingTutor
 from qlearn import (
     InteractivePolicyIteration,
     InteractiveQLearning,

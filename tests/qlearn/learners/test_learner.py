@@ -17,32 +17,38 @@ import pytest
 
 from elicit import (
     AlwaysAsk,
+    Answer,
     AnswerLog,
+    Answers,
     Bags,
     BradleyTerryComparator,
     Comparator,
     Dominance,
+    FlippingTutor,
+    InconsistentAnswers,
     PolytopeComparator,
+    Query,
+    ReplayTutor,
+    StaleAnswer,
+    TruthfulTutor,
     Tutor,
+    Verdict,
 )
-from elicit.model.difference import tail_sums
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
-from elicit.model.scale import Floats
-from elicit.tutors.replay import ReplayTutor
-from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from qlearn import (
     InteractivePolicyIteration,
     InteractiveQLearning,
+    InteractiveValueIteration,
     LateQLearning,
+    LateValueIteration,
     Learner,
     Result,
     Status,
     drive,
+    policy_loss,
+    random_mdp,
 )
-from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
-from qlearn.mdp.planning import policy_loss
-from qlearn.problems.random_mdp import random_mdp
 from tests.noisy_cases import COMPARATORS
+from tests.scale_arithmetic import Floats, tail_sums
 from tests.thoroughness import quick_first
 
 K = 5

@@ -12,24 +12,36 @@ from hypothesis import strategies as some
 
 from elicit import (
     AlwaysAsk,
+    Answer,
+    AnswerLog,
     Bags,
     BradleyTerryComparator,
+    BradleyTerryTutor,
     Dominance,
+    FlippingTutor,
+    InconsistentAnswers,
     PolytopeComparator,
     PosteriorComparator,
+    RelaxedPolytopeComparator,
+    StaleAnswer,
+    TruthfulTutor,
+    Verdict,
 )
-from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
-from elicit.model.query import Answer, InconsistentAnswers, StaleAnswer, Verdict
-from elicit.tutors.answer_log import AnswerLog
-from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from qlearn import (
     InteractivePolicyIteration,
     InteractiveQLearning,
+    InteractiveValueIteration,
     LateQLearning,
+    LateValueIteration,
     OrdinalMDP,
     Status,
+    draw_values,
     drive,
+    evaluate_policy,
     icu_sepsis,
+    policy_loss,
+    random_mdp,
+    value_iteration,
 )
 from qlearn.certificates import advantages as advantages_module
 from qlearn.certificates import drawn_losses
@@ -39,9 +51,7 @@ from qlearn.certificates.drawn_scales import drawn_set
 from qlearn.learners import policy_iteration
 from qlearn.learners.rounds import sampled
 from qlearn.learners.rounds.tuning import TUNING
-from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
-from qlearn.mdp.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration
-from qlearn.problems.random_mdp import draw_values, random_mdp
+from qlearn.mdp.planning import optimal_policy
 from tests.mdp_cases import losses_under, messy_mdp
 from tests.thoroughness import examples, quick_first, scaled
 

@@ -12,18 +12,20 @@ from elicit import (
     Answer,
     Answers,
     BradleyTerryComparator,
+    BradleyTerryTutor,
     Comparator,
     Dominance,
+    FlippingTutor,
     PolytopeComparator,
     Query,
+    TruthfulTutor,
     Tutor,
     Verdict,
 )
 from elicit._support.hashing import key_of
-from elicit.model.scale import Floats
-from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from elicit.tutors.simulated_kernel import GIVEN
 from qlearn import (
+    InteractiveQLearning,
     InteractiveValueIteration,
     OrdinalMDP,
     Result,
@@ -35,11 +37,12 @@ from qlearn import (
 from qlearn.experiments.metrics import Watch
 from qlearn.learners import q_learning_kernel as kernel
 from qlearn.learners.exploration import Exploration
-from qlearn.learners.q_learning import InteractiveQLearning, polynomial_rate, rescaled_linear_rate
+from qlearn.learners.q_learning import polynomial_rate, rescaled_linear_rate
 from qlearn.reference import interactive_q_learning
 from tests.mdp_cases import messy_mdp
 from tests.noisy_cases import COMPARATORS
 from tests.scalar_q_learning import scalar_q_learning
+from tests.scale_arithmetic import Floats
 from tests.thoroughness import quick_first
 
 TUTORS: dict[str, Callable[[Floats], Tutor]] = {

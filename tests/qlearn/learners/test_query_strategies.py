@@ -7,21 +7,30 @@ from functools import partial
 import numpy as np
 import pytest
 
-from elicit import AlwaysAsk, Answer, Answers, Dominance, PolytopeComparator, PosteriorComparator
+from elicit import (
+    AlwaysAsk,
+    Answer,
+    Answers,
+    Dominance,
+    FlippingTutor,
+    PolytopeComparator,
+    PosteriorComparator,
+    TruthfulTutor,
+)
 from elicit.asking.bags import entropy
-from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from qlearn import (
     InteractivePolicyIteration,
     InteractiveQLearning,
+    InteractiveValueIteration,
+    LateQLearning,
+    LateValueIteration,
     Status,
     drive,
     policy_loss,
     random_mdp,
     strategies,
 )
-from qlearn.learners.q_learning_asking_late import LateQLearning
 from qlearn.learners.query_strategies import Candidates
-from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
 
 ALL = (
     strategies.first_come,

@@ -4,11 +4,11 @@ import re
 
 import pytest
 
-from elicit.model.difference import tail_sums
 from elicit.model.pairs import same_pairs
 from tests import older_processor
 from tests.interpreter import run
 from tests.processor_cases import RECORD, Run, report, resumed, runs
+from tests.scale_arithmetic import tail_sums
 from tests.thoroughness import quick_first
 
 

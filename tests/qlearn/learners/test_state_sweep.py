@@ -11,37 +11,39 @@ import numpy as np
 import pytest
 
 from elicit import (
+    AlwaysAsk,
     Answer,
+    Answers,
+    Comparator,
     FlippingTutor,
     PolytopeComparator,
     Query,
+    Tier,
     TruthfulTutor,
+    Tutor,
     Verdict,
+    decide,
+    simultaneous_bounds,
 )
-from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.comparator_rule import weighted
-from elicit.decision.verdicts import decide
-from elicit.model.comparator import Comparator, Decisions, Tier, offers, simultaneous_bounds
-from elicit.model.difference import tail_sums
-from elicit.model.query import Answers
-from elicit.model.scale import Floats, dot, gaps
-from elicit.model.tutor import Tutor
+from elicit.model.comparator import Decisions, offers
 from qlearn import (
     InteractiveQLearning,
     InteractiveValueIteration,
     OrdinalMDP,
     Result,
+    Status,
     drive,
     policy_loss,
     random_mdp,
 )
 from qlearn.learners import action_pair_kernel, state_sweep
 from qlearn.learners.action_pair_kernel import round_up
-from qlearn.learners.learner import Status
 from qlearn.reference import interactive_value_iteration
 from tests.interpreter import report_of
 from tests.mdp_cases import messy_mdp
 from tests.noisy_cases import COMPARATORS
+from tests.scale_arithmetic import Floats, dot, gaps, tail_sums
 
 
 class ByPython:

@@ -14,20 +14,32 @@ from hypothesis import strategies as st
 
 from elicit import (
     AlwaysAsk,
+    Answer,
+    Answers,
     BradleyTerryComparator,
     Comparator,
     Dominance,
+    FlippingTutor,
     PolytopeComparator,
+    Query,
+    TruthfulTutor,
     Tutor,
+    Verdict,
 )
-from elicit.model.difference import tail_sums
-from elicit.model.query import Answer, Answers, Query, Verdict
-from elicit.model.scale import Floats
-from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
-from qlearn import OrdinalMDP, Result, Status, drive, evaluate_policy, policy_loss, random_mdp
-from qlearn.learners.value_iteration import InteractiveValueIteration, sweeps_needed
+from qlearn import (
+    InteractiveValueIteration,
+    OrdinalMDP,
+    Result,
+    Status,
+    drive,
+    evaluate_policy,
+    policy_loss,
+    random_mdp,
+)
+from qlearn.learners.value_iteration import sweeps_needed
 from qlearn.reference import interactive_value_iteration
 from tests.mdp_cases import messy_mdp
+from tests.scale_arithmetic import Floats, tail_sums
 from tests.thoroughness import examples
 
 

@@ -5,8 +5,8 @@ asked about.
 import pytest
 
 import qlearn
-from elicit import Answer, FlippingTutor, PolytopeComparator, TruthfulTutor
-from elicit.model.tutor import Tutor, check_tutor_made
+from elicit import Answer, FlippingTutor, PolytopeComparator, TruthfulTutor, Tutor
+from elicit.model.tutor import check_tutor_made
 from elicit.testing import check_tutor
 
 MDP, VALUES = qlearn.random_mdp(8, 3, 4, discount=0.9, seed=0)

@@ -5,10 +5,10 @@ import copy
 import numpy as np
 import pytest
 
-from elicit.model.scale import Floats
 from qlearn import OrdinalMDP, random_mdp
 from qlearn.mdp.backup import back_up_together, model_of, q_of
 from tests.mdp_cases import messy_mdp
+from tests.scale_arithmetic import Floats
 
 
 def backed_up(mdp: OrdinalMDP) -> tuple[Floats, Floats]:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from elicit.model.scale import Floats
 from qlearn import (
     OrdinalMDP,
     draw_values,
@@ -17,6 +16,7 @@ from qlearn import (
 )
 from qlearn.problems import FAMILIES
 from tests.mdp_cases import messy_mdp
+from tests.scale_arithmetic import Floats
 from tests.thoroughness import quick_first
 
 CASES = [messy_mdp(seed)[0] for seed in range(4)] + [make(1) for make in FAMILIES.values()]

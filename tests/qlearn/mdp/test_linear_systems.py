@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from elicit.model.scale import Floats
 from qlearn.mdp import linear_systems
 from qlearn.mdp.linear_systems import discounted_totals
+from tests.scale_arithmetic import Floats
 
 
 def random_chain(n: int, seed: int, successors: int = 4) -> sparse.csr_array:

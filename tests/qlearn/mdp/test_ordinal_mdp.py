@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from qlearn import OrdinalMDP
 from qlearn.mdp import array_checks
-from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from tests.interpreter import run
 
 LABELS = ("bad", "fair", "good")

@@ -8,17 +8,18 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from elicit.model.scale import Floats
-from qlearn import OrdinalMDP, draw_values, random_mdp
-from qlearn.mdp import linear_systems
-from qlearn.mdp.planning import (
+from qlearn import (
+    OrdinalMDP,
+    draw_values,
     evaluate_policy,
-    optimal_policy,
     policy_loss,
+    random_mdp,
     value_iteration,
-    valued,
 )
+from qlearn.mdp import linear_systems
+from qlearn.mdp.planning import optimal_policy, valued
 from tests.mdp_cases import messy_mdp
+from tests.scale_arithmetic import Floats
 from tests.thoroughness import examples
 
 

@@ -10,7 +10,6 @@ import pytest
 from scipy import sparse
 
 from elicit import PolytopeComparator, TruthfulTutor
-from elicit.model.scale import Floats
 from qlearn import (
     InteractiveValueIteration,
     OrdinalMDP,
@@ -20,6 +19,7 @@ from qlearn import (
     value_iteration,
 )
 from tests.mdp_cases import messy_mdp
+from tests.scale_arithmetic import Floats
 
 ABC = ("a", "b", "c")
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from qlearn import OrdinalMDP, random_mdp
+from qlearn import OrdinalMDP, evaluate_policy, policy_loss, random_mdp, value_iteration
 from qlearn.mdp import blocks, warm_planning
-from qlearn.mdp.planning import evaluate_policy, policy_loss, rewarded, value_iteration
+from qlearn.mdp.planning import rewarded
 from qlearn.mdp.warm_planning import nearly_optimal, nearly_valued
 from tests.mdp_cases import messy_mdp
 

@@ -18,11 +18,10 @@ from elicit import (
     PosteriorComparator,
     TruthfulTutor,
 )
-from elicit.model.scale import normalise
-from qlearn import cost_of_following, policy_for_the_worst_off
-from qlearn.panel.following import cost_of_following_a_choice
+from qlearn import cost_of_following, cost_of_following_a_choice, policy_for_the_worst_off
 from tests.mdp_cases import messy_mdp
 from tests.own_cases import Exact
+from tests.scale_arithmetic import normalise
 from tests.thoroughness import examples, scaled
 
 

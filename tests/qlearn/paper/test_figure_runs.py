@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
+from qlearn import random_mdp
 from qlearn.experiments.ablation import ablate
 from qlearn.experiments.metrics import reference_differences
 from qlearn.experiments.settings import FiguresSettings
@@ -26,7 +27,6 @@ from qlearn.paper.claims import (
     summarise_series,
 )
 from qlearn.paper.figure_runs import KEYS, figures, plan_of
-from qlearn.problems.random_mdp import random_mdp
 
 TINY: dict[str, Any] = {
     "levels": (3, 5), "at_states": 8, "states": (8, 12), "at_levels": 5, "actions": 3, "seeds": 2,

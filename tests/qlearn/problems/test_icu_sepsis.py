@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit.model.scale import Floats
 from qlearn import OrdinalMDP, evaluate_policy, icu_sepsis, value_iteration
+from tests.scale_arithmetic import Floats
 
 
 @pytest.fixture(scope="module")

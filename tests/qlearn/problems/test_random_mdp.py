@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from qlearn.problems.random_mdp import draw_values, random_mdp
+from qlearn import draw_values, random_mdp
 from tests.thoroughness import examples
 
 

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from elicit.model.difference import tail_sums
 from qlearn.training import reachable_set
 from qlearn.training.reachable_set import ReachableSet, as_shares
+from tests.scale_arithmetic import tail_sums
 from tests.thoroughness import examples
 
 

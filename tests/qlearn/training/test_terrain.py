@@ -7,8 +7,8 @@ import pytest
 
 from benchmarks.training.terrain import DISCOUNT, OUTCOMES, Terrain, TileCoded
 from elicit import PolytopeComparator, TruthfulTutor
-from elicit.model.scale import normalise
 from qlearn import InteractiveTraining, LevelVector, Status, draw_values, rollout_shares
+from tests.scale_arithmetic import normalise
 
 
 def test_walks_have_the_shares_that_rollouts_find():

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit import Answers, Comparator, Verdict
+from elicit import Answers, BradleyTerryComparator, Comparator, Verdict
 from elicit._support.hashing import key_of
 from elicit.comparators.bradley_terry.bootstrap_comparator import (
-    BradleyTerryComparator,
     NotConverged,
     next_refit,
     refit_point,
@@ -23,10 +22,10 @@ from elicit.comparators.bradley_terry.likelihood import (
     prior_centres,
     sigmoid,
 )
-from elicit.model.difference import tail_sums
-from elicit.model.scale import Floats, order_bounds
+from elicit.model.scale import order_bounds
 from elicit.testing import check_comparator
 from tests.noisy_cases import pairs
+from tests.scale_arithmetic import Floats, tail_sums
 
 REGIONS = ["ensemble", "box"]
 

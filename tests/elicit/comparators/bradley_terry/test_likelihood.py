@@ -20,8 +20,7 @@ from elicit.comparators.bradley_terry.likelihood import (
     prior_centres,
     sigmoid,
 )
-from elicit.model.difference import tail_sums
-from elicit.model.scale import Floats
+from tests.scale_arithmetic import Floats, tail_sums
 from tests.thoroughness import quick_first
 
 

@@ -9,7 +9,7 @@ from elicit import PosteriorComparator
 from elicit._support.hashing import fold
 from elicit.comparators.bradley_terry import mcmc, mcmc_arrays
 from elicit.comparators.bradley_terry.earlier_people import EarlierPeople, Kind
-from elicit.model.difference import tail_sums
+from tests.scale_arithmetic import tail_sums
 
 TUTORS: list[dict[str, Any]] = [
     {},

@@ -11,16 +11,24 @@ import pytest
 from scipy.special import expit, gammaln, logsumexp
 from scipy.stats import beta, chisquare
 
-from elicit import Answers, BradleyTerryComparator, PolytopeComparator, PosteriorComparator, Verdict
+from elicit import (
+    Answers,
+    BradleyTerryComparator,
+    BradleyTerryTutor,
+    FlippingTutor,
+    PolytopeComparator,
+    PosteriorComparator,
+    TruthfulTutor,
+    Verdict,
+)
 from elicit._support.fixed_order import product
 from elicit.comparators.bradley_terry.particle_comparator import LAPSE
 from elicit.model.comparator import ALLOWANCE, lapse_of
-from elicit.model.difference import dominance, tail_sums
-from elicit.model.scale import order_bounds, values_of
+from elicit.model.scale import order_bounds
 from elicit.testing import check_comparator, sample_differences
-from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from tests.interpreter import run
 from tests.noisy_cases import MEAN, SD, Floats, Rng, differences, drawn_gaps, log_terms, pairs
+from tests.scale_arithmetic import dominance, tail_sums, values_of
 from tests.thoroughness import quick_first, scaled
 
 TINY = 1e-20

@@ -15,8 +15,7 @@ from elicit._support.hashing import fold
 from elicit.comparators.bradley_terry import mcmc_arrays, raters
 from elicit.comparators.bradley_terry.particle_comparator import PRECISION
 from elicit.model.comparator import ALLOWANCE
-from elicit.model.difference import tail_sums
-from elicit.model.scale import Floats
+from tests.scale_arithmetic import Floats, tail_sums
 from tests.thoroughness import scaled
 
 TIE = 0.05

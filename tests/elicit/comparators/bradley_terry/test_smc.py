@@ -21,9 +21,9 @@ from elicit.comparators.bradley_terry import density_float32 as R
 from elicit.comparators.bradley_terry import mcmc as M
 from elicit.comparators.bradley_terry import smc as P
 from elicit.comparators.bradley_terry.particle_comparator import LAPSE
-from elicit.model.difference import tail_sums
 from tests.interpreter import report_of
 from tests.noisy_cases import MEAN, SD, Floats, Rng, log_gaps, log_terms, prior_of
+from tests.scale_arithmetic import tail_sums
 from tests.thoroughness import examples, scaled
 
 

@@ -22,9 +22,8 @@ from elicit import (
     TruthfulTutor,
     Verdict,
 )
-from elicit.model.difference import tail_sums
-from elicit.model.scale import Floats
 from qlearn import InteractivePolicyIteration, drive, policy_loss, random_mdp
+from tests.scale_arithmetic import Floats, tail_sums
 from tests.thoroughness import examples, scaled
 
 BETTER, EQUAL, WORSE, UNKNOWN = Verdict.BETTER, Verdict.EQUAL, Verdict.WORSE, Verdict.UNKNOWN

@@ -11,9 +11,7 @@ import numpy as np
 import pytest
 
 import elicit
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
-from elicit.model.query import Answers
+from elicit import Answers, PolytopeComparator, RelaxedPolytopeComparator
 from tests.lp_cases import shares
 from tests.thoroughness import quick_first
 

@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from elicit import Answers, PolytopeComparator, Verdict
+from elicit import Answers, PolytopeComparator, Verdict, inequality
 from elicit.comparators.polytope.explanation import Explanation, Proof
 from elicit.comparators.polytope.minimal_proof import explain
-from elicit.lp.prior_inequalities import as_prior, inequality
+from elicit.lp.prior_inequalities import as_prior
 from tests.lp_cases import (
     KINDS,
     TIE_BAND,

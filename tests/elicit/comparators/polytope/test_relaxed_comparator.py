@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from elicit import Answers, PolytopeComparator, Verdict
+from elicit import Answers, PolytopeComparator, RelaxedPolytopeComparator, Verdict
 from elicit.comparators.polytope.plausible_set import PlausibleSet
-from elicit.comparators.polytope.relaxed_comparator import LEAST_SLACK, RelaxedPolytopeComparator
+from elicit.comparators.polytope.relaxed_comparator import LEAST_SLACK
 from elicit.comparators.polytope.violation import Hinges, best_fit
 from elicit.lp.region import TIE_BAND, answer_rows
-from elicit.model.difference import tail_sums
 from elicit.testing import check_comparator
 from tests.lp_cases import Case, cases, dot, exact, from_tails, region_of, shares, tails
+from tests.scale_arithmetic import tail_sums
 from tests.thoroughness import scaled
 
 Floats = np.ndarray[Any, Any]

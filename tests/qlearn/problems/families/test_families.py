@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import qlearn
-from elicit.model.scale import Floats
 from qlearn import OrdinalMDP, equal_gaps_policy, hidden_scales, unasked_loss
 from qlearn.problems import FAMILIES
 from qlearn.problems.families.grids import hazards, rover, side_effects
@@ -22,6 +21,7 @@ from qlearn.problems.families.words import WORDS
 from qlearn.problems.hidden_scales import KINDS
 from tests import older_processor
 from tests.interpreter import run
+from tests.scale_arithmetic import Floats
 from tests.thoroughness import examples, scaled
 
 LEAST = {
