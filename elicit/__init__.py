@@ -8,7 +8,10 @@ if TYPE_CHECKING:
     from elicit.asking.choose_from_list import choose
     from elicit.asking.options import AskingOptions
     from elicit.comparators.baselines import AlwaysAsk, Dominance
-    from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
+    from elicit.comparators.bradley_terry.bootstrap_comparator import (
+        BradleyTerryComparator,
+        NotConverged,
+    )
     from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
     from elicit.comparators.panel import Panel
     from elicit.comparators.polytope.comparator import PolytopeComparator
@@ -19,7 +22,8 @@ if TYPE_CHECKING:
     from elicit.diagnostics.held_out import compare_held_out, held_out
     from elicit.diagnostics.tutor_report import tutor_report
     from elicit.lp.prior_inequalities import Inequality, inequalities, inequality
-    from elicit.model.comparator import Comparator, Tier, simultaneous_bounds
+    from elicit.model.comparator import Comparator, Decisions, Tier
+    from elicit.model.comparator_parts import simultaneous_bounds
     from elicit.model.difference import as_differences
     from elicit.model.needs import Needs
     from elicit.model.outcomes import Status
@@ -31,9 +35,11 @@ if TYPE_CHECKING:
     from elicit.person.session import Session
     from elicit.person.showing import Words
     from elicit.tutors.answer_log import AnswerLog
+    from elicit.tutors.log_lines import BadLog
+    from elicit.tutors.merge_logs import merge_logs
     from elicit.tutors.panel import PanelTutor
     from elicit.tutors.person import PersonTutor
-    from elicit.tutors.replay import ReplayTutor
+    from elicit.tutors.replay import NotInLog, ReplayTutor
     from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 
 _PLACES = {  # imported when first used, so that `import elicit` stays light
@@ -41,7 +47,10 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.asking.choose_from_list": ["choose"],
     "elicit.asking.options": ["AskingOptions"],
     "elicit.comparators.baselines": ["AlwaysAsk", "Dominance"],
-    "elicit.comparators.bradley_terry.bootstrap_comparator": ["BradleyTerryComparator"],
+    "elicit.comparators.bradley_terry.bootstrap_comparator": [
+        "BradleyTerryComparator",
+        "NotConverged",
+    ],
     "elicit.comparators.bradley_terry.particle_comparator": ["PosteriorComparator"],
     "elicit.comparators.panel": ["Panel"],
     "elicit.comparators.polytope.comparator": ["PolytopeComparator"],
@@ -56,7 +65,8 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.person.session": ["Session"],
     "elicit.person.showing": ["Words"],
     "elicit.tutors.answer_log": ["AnswerLog"],
-    "elicit.model.comparator": ["Comparator", "Tier", "simultaneous_bounds"],
+    "elicit.model.comparator": ["Comparator", "Decisions", "Tier"],
+    "elicit.model.comparator_parts": ["simultaneous_bounds"],
     "elicit.model.needs": ["Needs"],
     "elicit.model.outcomes": ["Status"],
     "elicit.model.query": [
@@ -70,9 +80,11 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.model.difference": ["as_differences"],
     "elicit.model.scale_variable": ["scale_variable"],
     "elicit.model.tutor": ["Tutor"],
+    "elicit.tutors.log_lines": ["BadLog"],
+    "elicit.tutors.merge_logs": ["merge_logs"],
     "elicit.tutors.panel": ["PanelTutor"],
     "elicit.tutors.person": ["PersonTutor"],
-    "elicit.tutors.replay": ["ReplayTutor"],
+    "elicit.tutors.replay": ["NotInLog", "ReplayTutor"],
     "elicit.tutors.simulated": ["BradleyTerryTutor", "FlippingTutor", "TruthfulTutor"],
 }
 _LATER = {name: place for place, names in _PLACES.items() for name in names}
@@ -83,6 +95,7 @@ _MODULES = {  # to be written as elicit.graph.cycles, say, after import elicit a
     "conclusion": "elicit.person.course.conclusion",
     "graph": "elicit.diagnostics.preference_graph",
     "objectives": "elicit.objectives",
+    "parts": "elicit.model.comparator_parts",
     "people": "elicit.people",
     "plot": "elicit.plot",
     "showing": "elicit.person.showing",
@@ -96,16 +109,20 @@ __all__ = [
     "AnswerLog",
     "Answers",
     "AskingOptions",
+    "BadLog",
     "Bags",
     "BradleyTerryComparator",
     "BradleyTerryTutor",
     "Comparator",
+    "Decisions",
     "Dominance",
     "FlippingTutor",
     "InconsistentAnswers",
     "Inequality",
     "Interview",
     "Needs",
+    "NotConverged",
+    "NotInLog",
     "OpenOrderComparator",
     "Panel",
     "PanelTutor",
@@ -132,6 +149,7 @@ __all__ = [
     "held_out",
     "inequalities",
     "inequality",
+    "merge_logs",
     "scale_variable",
     "simultaneous_bounds",
     "tutor_report",

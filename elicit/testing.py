@@ -38,16 +38,13 @@ from elicit._support.validation import is_number, is_whole
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.comparator_rule import NOTHING, Rule, compares_by_rule, rule_of
 from elicit.decision.verdicts import decide
-from elicit.model.comparator import (
+from elicit.model.comparator import Comparator, Tier, is_comparator, offers
+from elicit.model.comparator_parts import (
     OPTIONAL_PARTS,
-    Comparator,
     ForeseesBounds,
     KeepsAnswers,
     PredictsAnswers,
-    Tier,
     draws_in,
-    is_comparator,
-    offers,
     simultaneous_bounds,
     unordered_of,
 )

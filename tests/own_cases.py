@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from elicit import Answer, Answers, Comparator, Query
+from elicit import Answer, Answers, Comparator, Query, as_differences
 from elicit.model.comparator import check_answers
-from elicit.model.difference import as_vectors
 from qlearn import InteractivePolicyIteration, Learner, OrdinalMDP, random_mdp
 from tests.scale_arithmetic import Floats, normalise, tail_sums
 
@@ -20,7 +19,7 @@ class Exact:
         self.k = len(self.values)
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        worth = tail_sums(as_vectors(d, self.k)) @ np.diff(self.values)
+        worth = tail_sums(as_differences(d, self.k)) @ np.diff(self.values)
         return worth, worth.copy()
 
     def compare(self, d: ArrayLike) -> NDArray[np.int8]:

@@ -31,7 +31,7 @@ from collections.abc import Callable
 import numpy as np
 
 from elicit import Answers, PolytopeComparator, PosteriorComparator
-from elicit.model.comparator import best_guess, simultaneous_bounds
+from elicit.model.comparator_parts import best_guess, simultaneous_bounds
 from elicit.model.difference import tail_sums
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats

@@ -27,7 +27,7 @@ from joblib import Parallel, delayed
 
 from benchmarks.reporting import machine, markdown, publish, with_interval
 from elicit import AlwaysAsk, FlippingTutor, PosteriorComparator, TruthfulTutor
-from elicit.model.comparator import lapse_of
+from elicit.model.comparator_parts import lapse_of
 from qlearn import InteractiveQLearning, drive, policy_loss, random_mdp
 
 INDIFFERENCE = 0.005

@@ -10,7 +10,7 @@ import numpy as np
 from elicit._support.jit import expect
 from elicit.model.comparator import Verdicts
 from elicit.model.difference import tail_sums
-from elicit.model.pairs_kernel import NOT_THERE, PairTable, find, find_all, mark_of
+from elicit.model.difference_kernel import NOT_THERE, PairTable, find, find_all, mark_of
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats
 

@@ -19,15 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from elicit._support.validation import is_list, require
 from elicit.asking.elicitation import Elicitation, OnConflict, Pair
 from elicit.asking.options import EarlierAnswers
-from elicit.model.comparator import (
-    Comparator,
-    Decisions,
-    Tier,
-    best_guess,
-    bounds_of,
-    check_comparator_made,
-    simultaneous_bounds,
-)
+from elicit.model.comparator import Comparator, Decisions, Tier, bounds_of, check_comparator_made
+from elicit.model.comparator_parts import best_guess, simultaneous_bounds
 from elicit.model.difference import as_vectors, tail_sums
 from elicit.model.outcomes import Status
 from elicit.model.query import Answer, Answers, Query, Verdict

@@ -21,7 +21,8 @@ from elicit._support.fixed_order import product
 from elicit._support.threads import one_thread
 from elicit.asking.cuts import cuts_towards, halvings, halvings_left
 from elicit.lp.hit_and_run import Draws
-from elicit.model.comparator import WRONG_ODDS, Cell, Comparator, simultaneous_bounds
+from elicit.model.comparator import WRONG_ODDS, Comparator
+from elicit.model.comparator_parts import Cell, simultaneous_bounds
 from elicit.model.difference import tail_sums
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats

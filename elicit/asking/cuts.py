@@ -13,13 +13,8 @@ from elicit._support.fixed_order import product
 from elicit._support.threads import one_thread
 from elicit.comparators.panel import Panel
 from elicit.lp.hit_and_run import Draws
-from elicit.model.comparator import (
-    Comparator,
-    best_guess,
-    bounds_after,
-    draws_in,
-    simultaneous_bounds,
-)
+from elicit.model.comparator import Comparator
+from elicit.model.comparator_parts import best_guess, bounds_after, draws_in, simultaneous_bounds
 from elicit.model.difference import tail_sums
 from elicit.model.needs import Needs
 from elicit.model.scale import Floats

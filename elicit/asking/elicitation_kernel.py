@@ -18,8 +18,17 @@ from elicit.decision.comparator_rule import Rule
 from elicit.decision.judge_kernel import judge, within
 from elicit.lp.sign_proofs import BY_DOMINANCE
 from elicit.model.comparator import BY_ANSWERS, Tier
-from elicit.model.difference_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED, WORSE
-from elicit.model.pairs_kernel import NOT_THERE, PairTable, find, pair_code
+from elicit.model.difference_kernel import (
+    BETTER,
+    EQUAL,
+    NOT_THERE,
+    UNKNOWN,
+    UNSETTLED,
+    WORSE,
+    PairTable,
+    find,
+    pair_code,
+)
 
 KNOWN, INDIFFERENT, GUESS, TUTOR = (
     int(Tier.KNOWN),

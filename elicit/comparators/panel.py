@@ -29,17 +29,19 @@ from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import (
     Comparator,
     Decisions,
-    KeepsAnswers,
-    PersonAsked,
     Tier,
     Verdicts,
-    best_guess,
     bounds_of,
     check_answers,
     check_comparator_made,
+    offers,
+)
+from elicit.model.comparator_parts import (
+    KeepsAnswers,
+    PersonAsked,
+    best_guess,
     draws_in,
     lapse_of,
-    offers,
     simultaneous_bounds,
     stated_confidence,
     tie_of,

@@ -19,7 +19,8 @@ from elicit._support.threads import one_thread
 from elicit._support.validation import is_list, is_number, is_whole, require
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.comparators.panel import Panel
-from elicit.model.comparator import Comparator, best_guess, draws_in
+from elicit.model.comparator import Comparator
+from elicit.model.comparator_parts import best_guess, draws_in
 from elicit.model.difference import tail_sums
 from elicit.model.query import Answers
 from elicit.model.scale import Floats

@@ -16,7 +16,8 @@ from elicit._support.validation import require
 from elicit.asking.options import EarlierAnswers
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.diagnostics.tutor_report import NOTHING, Estimate, check_level, read_log
-from elicit.model.comparator import Comparator, PredictsAnswers, learn, offers
+from elicit.model.comparator import Comparator, learn, offers
+from elicit.model.comparator_parts import PredictsAnswers
 from elicit.model.difference import tail_sums
 from elicit.model.pairs import pair_numbers
 from elicit.model.query import Answers, Verdict

@@ -1,17 +1,26 @@
-"""The functions of ``elicit.model.difference``, one difference at a time, for compiled code.
+"""The functions of ``difference`` and ``pairs``, one difference at a time, for compiled code.
 
-The same numbers to the last bit. Apart from ``difference``, because numba takes long to import and
-``import elicit`` does without it.
+They give the same numbers to the last bit. A table finds the answer to a pair. They stand apart
+because numba takes long to import, and ``import elicit`` does without it.
 """
 
-import math
-from typing import Any
+from __future__ import annotations
 
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elicit._support.hashing import mix
 from elicit._support.jit import compiled
+from elicit.model.pairs import GRID, NEAR, OFFSET, SHARE
 from elicit.model.query import Verdict
+from elicit.model.scale import Floats
 
 WORSE, EQUAL, BETTER, UNKNOWN = map(int, Verdict)  # as plain numbers
 UNSETTLED = 3  # and one more code: the compiled code cannot tell
+NOT_THERE = -1  # the row of a pair that is not in a table
 
 
 @compiled
@@ -69,3 +78,100 @@ def by_range(least: float, greatest: float) -> int:
     if greatest > 0.0:
         return UNKNOWN if least < 0.0 else BETTER
     return WORSE if least < 0.0 else EQUAL
+
+
+class PairTable(NamedTuple):
+    """Answers by pair. ``marks`` (n,), sorted, and ``rows`` (n,) find them; the other arrays are as
+    they came, perhaps with room behind."""
+
+    marks: Floats
+    rows: NDArray[np.int64]
+    sums: Floats  # (c, p) tail sums
+    said: NDArray[np.int8]  # (c,) what the tutor said of the left one
+    binding: NDArray[np.bool_]  # (c,) whether no model may overrule it
+
+
+@compiled
+def mark_of(t: Any) -> float:
+    """Return the number by which tail sums t (p,) are sorted: opposite for t and -t."""
+    mark = 0.0
+    for j in range(len(t)):
+        mark += math.sqrt(j + 2.0) * t[j]
+    return mark
+
+
+@compiled
+def near_to(t: Any) -> float:
+    """Return ``pairs.nearness`` of tail sums t (p,)."""
+    size = largest(t)
+    return min(NEAR * max(size, 1.0), SHARE * size)
+
+
+@compiled
+def marks_within(near: float, p: int) -> float:
+    """Return how far the marks of two tail sums (p,) may be apart of which no entry differs by more
+    than ``near``.
+    """
+    total = 0.0
+    for j in range(p):
+        total += math.sqrt(j + 2.0)
+    return near * total * 1.001
+
+
+@compiled
+def apart(t: Any, sign: int, other: Any) -> float:
+    """Return the greatest distance of an entry of sign * t (p,) from the other's (p,)."""
+    most = 0.0
+    for j in range(len(t)):
+        most = max(most, abs(sign * t[j] - other[j]))
+    return most
+
+
+@compiled
+def find(t: Any, table: PairTable) -> tuple[int, int]:
+    """Return the row of the pair with tail sums t (p,), and 1, or -1 where it is there exchanged;
+    ``NOT_THERE``, 1 where it is not. Of several rows the nearest."""
+    n, best, way = len(table.marks), NOT_THERE, 1
+    if n == 0:
+        return best, way
+    mark, near = mark_of(t), near_to(t)
+    reach, least = marks_within(near, len(t)), math.inf
+    for sign in (1, -1):
+        i = np.searchsorted(table.marks, sign * mark - reach)
+        while i < n and table.marks[i] <= sign * mark + reach:
+            row = table.rows[i]
+            far = apart(t, sign, table.sums[row])
+            if far <= near and far < least:
+                best, way, least = row, sign, far
+            i += 1
+    return best, way
+
+
+@compiled
+def find_all(t: Any, table: PairTable, rows: Any, ways: Any) -> None:
+    """Write what ``find`` returns of tail sums t (n, p) into rows (n,) and ways (n,)."""
+    for i in range(len(t)):
+        rows[i], ways[i] = find(t[i], table)
+
+
+@compiled
+def way_round(t: Any) -> int:
+    """Return the direction of tail sums t (p,), as ``pairs.ways_round``; 0 for two vectors that are
+    the same.
+    """
+    mark = mark_of(t)
+    return 1 if mark > 0.0 else -1 if mark < 0.0 else 0
+
+
+@compiled
+def pair_code(key: Any, t: Any) -> Any:
+    """Return a hash of (key, the unordered pair with tail sums t (p,)), of its
+    ``pairs.whole_numbers``.
+    """
+    size, sign = largest(t), way_round(t)
+    exponent = max(0, math.frexp(size * OFFSET)[1])
+    total = mix(key, np.uint64(exponent))
+    for j in range(len(t)):
+        grains = math.floor(math.ldexp(sign * t[j], -exponent) * GRID + 0.5)
+        total = mix(total, np.uint64(np.int64(grains)))
+    return total

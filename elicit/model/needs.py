@@ -9,13 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-from elicit.model.comparator import (
-    OPTIONAL_PARTS,
-    Comparator,
-    check_comparator_made,
-    offers,
-    unordered_of,
-)
+from elicit.model.comparator import Comparator, check_comparator_made, offers
+from elicit.model.comparator_parts import OPTIONAL_PARTS, unordered_of
 
 _F = TypeVar("_F", bound=Callable[..., object])
 _PARTS = {part.member: part for part in OPTIONAL_PARTS}

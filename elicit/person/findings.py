@@ -7,14 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from elicit.model.comparator import (
-    Comparator,
-    best_guess,
-    bounds_of,
-    trusted_share,
-    unordered_of,
-    wrong_of,
-)
+from elicit.model.comparator import Comparator, bounds_of
+from elicit.model.comparator_parts import best_guess, trusted_share, unordered_of, wrong_of
 from elicit.model.difference import tail_sums
 from elicit.model.outcomes import assumed_of_answers
 from elicit.person.showing import printable

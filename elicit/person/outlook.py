@@ -13,7 +13,8 @@ import numpy as np
 
 from elicit._support.fixed_order import product
 from elicit._support.hashing import fold, key_of, name_code
-from elicit.model.comparator import Comparator, bounds_of, draws_in, lapse_of, trusted_share
+from elicit.model.comparator import Comparator, bounds_of
+from elicit.model.comparator_parts import draws_in, lapse_of, trusted_share
 from elicit.model.difference import tail_sums
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats

@@ -20,7 +20,7 @@ from elicit._support.hashing import Seed
 from elicit._support.seeds import seed_of
 from elicit._support.validation import is_number, require
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import tie_of
+from elicit.model.comparator_parts import tie_of
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 from elicit.person.asker import (
     AfterAnswer,

@@ -6,7 +6,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from elicit.model.comparator import Comparator, people_of
+from elicit.model.comparator import Comparator
+from elicit.model.comparator_parts import people_of
 from elicit.model.query import Answer, Query, as_verdict
 from elicit.model.tutor import KnowsLevels, check_tutor_made
 

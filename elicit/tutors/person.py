@@ -15,7 +15,7 @@ from scipy.special import expit
 from elicit._support.hashing import Seed, fold, key_of, name_code, uniform
 from elicit._support.seeds import seed_of
 from elicit.model.difference import tail_sums
-from elicit.model.pairs_kernel import pair_code, way_round
+from elicit.model.difference_kernel import pair_code, way_round
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats, normalise
 

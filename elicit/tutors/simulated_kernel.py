@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from elicit._support.hashing import mix, unit
 from elicit._support.jit import compiled
 from elicit.lp.rounding import rounding_of
-from elicit.model.difference_kernel import UNSETTLED
-from elicit.model.pairs_kernel import pair_code, way_round
+from elicit.model.difference_kernel import UNSETTLED, pair_code, way_round
 from elicit.model.scale import Floats
 
 NOBODY, TRUTHFUL, FLIPPING, LOGISTIC = range(4)

@@ -6,7 +6,8 @@ A box around the plausible scales decides most of them.
 import numpy as np
 
 from elicit._support.fixed_order import principal_axes, product
-from elicit.model.comparator import Comparator, draws_in, simultaneous_bounds
+from elicit.model.comparator import Comparator
+from elicit.model.comparator_parts import draws_in, simultaneous_bounds
 from elicit.model.difference import tail_sums
 from elicit.model.scale import Floats, order_bounds
 

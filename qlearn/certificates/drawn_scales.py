@@ -7,7 +7,8 @@ import numpy as np
 
 from elicit.lp.hit_and_run import Draws, draws_within
 from elicit.lp.region import Region
-from elicit.model.comparator import Comparator, draws_in, trusted_share
+from elicit.model.comparator import Comparator
+from elicit.model.comparator_parts import draws_in, trusted_share
 
 
 def drawn_set(comparator: Comparator) -> tuple[Draws, float] | None:

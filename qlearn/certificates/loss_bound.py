@@ -31,8 +31,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from elicit._support.threads import one_thread
-from elicit.model.comparator import (
-    Comparator,
+from elicit.model.comparator import Comparator
+from elicit.model.comparator_parts import (
     cells_of,
     simultaneous_bounds,
     stated_confidence,

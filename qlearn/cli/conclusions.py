@@ -11,7 +11,8 @@ import numpy as np
 from elicit._support.fixed_order import product
 from elicit.asking.choose_from_list import Choice
 from elicit.decision.verdicts import decide
-from elicit.model.comparator import best_guess, bounds_of, wrong_of
+from elicit.model.comparator import bounds_of
+from elicit.model.comparator_parts import best_guess, wrong_of
 from elicit.model.difference import tail_sums
 from elicit.model.outcomes import Status, assumed_of_answers
 from elicit.model.query import Verdict

@@ -13,7 +13,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.validation import require
-from elicit.model.comparator import Comparator, best_guess, check_comparator_made
+from elicit.model.comparator import Comparator, check_comparator_made
+from elicit.model.comparator_parts import best_guess
 from elicit.model.scale import Floats
 from qlearn.environments.levels import After, Level, Levels
 

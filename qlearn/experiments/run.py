@@ -20,7 +20,8 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from elicit.model.comparator import TIE, Comparator, wrong_of
+from elicit.model.comparator import TIE, Comparator
+from elicit.model.comparator_parts import wrong_of
 from elicit.model.scale import Floats
 from elicit.model.tutor import CountsErrors
 from elicit.tutors.person import PersonTutor

@@ -32,8 +32,16 @@ from elicit.decision.judge_kernel import certifies
 from elicit.lp.sign_proofs import BY_DOMINANCE, BY_EQUAL, BY_SCREEN, BY_SIMPLEX
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.difference import tail_sums
-from elicit.model.difference_kernel import EQUAL, UNKNOWN, UNSETTLED, by_range
-from elicit.model.pairs_kernel import apart, mark_of, marks_within, near_to
+from elicit.model.difference_kernel import (
+    EQUAL,
+    UNKNOWN,
+    UNSETTLED,
+    apart,
+    by_range,
+    mark_of,
+    marks_within,
+    near_to,
+)
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats
 from elicit.tutors.simulated_kernel import (

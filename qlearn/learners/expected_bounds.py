@@ -13,7 +13,8 @@ from elicit._support.fixed_order import product
 from elicit._support.hashing import Seed, key_of
 from elicit._support.seeds import seed_of
 from elicit._support.validation import is_whole, require
-from elicit.model.comparator import Comparator, lapse_of, unordered_of
+from elicit.model.comparator import Comparator
+from elicit.model.comparator_parts import lapse_of, unordered_of
 from elicit.model.difference import tail_sums
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats

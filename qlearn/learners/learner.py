@@ -19,7 +19,8 @@ from elicit._support.validation import is_number, require
 from elicit.asking.elicitation import AnsweredQuery, Audit, Elicitation, OnConflict, Pair, Watcher
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.comparators.panel import Panel
-from elicit.model.comparator import Comparator, Tier, check_comparator_made, tie_of, wrong_of
+from elicit.model.comparator import Comparator, Tier, check_comparator_made
+from elicit.model.comparator_parts import tie_of, wrong_of
 from elicit.model.needs import Needs
 from elicit.model.outcomes import Status, assumed_of_answers
 from elicit.model.query import (

@@ -23,11 +23,8 @@ from elicit.asking.magnified import AS_THEY_ARE, MAGNIFIED, Shown, magnified, mu
 from elicit.asking.options import AskingOptions, check_options, filled
 from elicit.comparators.panel import Panel
 from elicit.decision.verdicts import decide
-from elicit.model.comparator import (
-    Comparator,
-    Tier,
-    Tiers,
-    offers,
+from elicit.model.comparator import Comparator, Tier, Tiers, offers
+from elicit.model.comparator_parts import (
     people_of,
     simultaneous_bounds,
     trusted_share,

@@ -30,7 +30,8 @@ from elicit._support.validation import require
 from elicit.asking.bags import Bags, entropy
 from elicit.asking.elicitation import Elicitation, Pair, Place
 from elicit.lp.hit_and_run import Draws
-from elicit.model.comparator import Comparator, lapse_of, simultaneous_bounds
+from elicit.model.comparator import Comparator
+from elicit.model.comparator_parts import lapse_of, simultaneous_bounds
 from elicit.model.difference import tail_sums
 from elicit.model.needs import uses
 from elicit.model.scale import Floats

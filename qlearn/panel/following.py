@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 from elicit._support.fixed_order import product
 from elicit._support.threads import one_thread
 from elicit.comparators.panel import Panel
-from elicit.model.comparator import Comparator, best_guess, simultaneous_bounds
+from elicit.model.comparator import Comparator
+from elicit.model.comparator_parts import best_guess, simultaneous_bounds
 from elicit.model.difference import as_vectors
 from elicit.model.scale import Floats
 from qlearn.certificates.loss_bound import loss_bound

@@ -19,7 +19,7 @@ from scipy import sparse
 
 from elicit._support.threads import one_thread
 from elicit.comparators.panel import Panel
-from elicit.model.comparator import best_guess, simultaneous_bounds
+from elicit.model.comparator_parts import best_guess, simultaneous_bounds
 from elicit.model.scale import Floats
 from qlearn.certificates.collected_total import greatest_total
 from qlearn.mdp.backup import model_of, q_of

@@ -19,12 +19,8 @@ from elicit._support.validation import is_list, is_number, is_whole, require
 from elicit.asking.bags import Bags
 from elicit.asking.elicitation import Elicitation, OnConflict, Pair
 from elicit.asking.options import AskingOptions, check_options, filled
-from elicit.model.comparator import (
-    Comparator,
-    Tier,
-    best_guess,
-    simultaneous_bounds,
-)
+from elicit.model.comparator import Comparator, Tier
+from elicit.model.comparator_parts import best_guess, simultaneous_bounds
 from elicit.model.difference import tail_sums
 from elicit.model.needs import Needs, check_needs
 from elicit.model.outcomes import Status

@@ -16,7 +16,8 @@ from scipy.stats import norm
 from elicit._support.fixed_order import product
 from elicit._support.validation import require
 from elicit.decision.votes import LEVEL_ROUNDING
-from elicit.model.comparator import Comparator, simultaneous_bounds, stated_confidence
+from elicit.model.comparator import Comparator
+from elicit.model.comparator_parts import simultaneous_bounds, stated_confidence
 from elicit.model.difference import tail_sums
 from elicit.model.scale import Floats
 from qlearn.certificates.drawn_losses import upper_quantile

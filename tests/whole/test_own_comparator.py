@@ -10,8 +10,9 @@ import pytest
 
 import qlearn
 from elicit import Answers, Bags, TruthfulTutor, choose, compare_held_out, decide
-from elicit.model import comparator as protocols
-from elicit.model.comparator import best_guess, bounds_of
+from elicit.model import comparator_parts as protocols
+from elicit.model.comparator import bounds_of
+from elicit.model.comparator_parts import best_guess
 from elicit.testing import check_comparator, sample_differences
 from qlearn import InteractivePolicyIteration, InteractiveValueIteration, Status
 from tests.own_cases import Exact

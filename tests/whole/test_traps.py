@@ -19,12 +19,12 @@ from elicit import (
     Dominance,
     FlippingTutor,
     InconsistentAnswers,
+    NotConverged,
     PolytopeComparator,
     Query,
     TruthfulTutor,
     Verdict,
 )
-from elicit.comparators.bradley_terry.bootstrap_comparator import NotConverged
 from qlearn import (
     InteractiveQLearning,
     InteractiveValueIteration,

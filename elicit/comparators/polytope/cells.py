@@ -22,7 +22,8 @@ from elicit._support.fixed_order import product
 from elicit.decision.comparator_rule import Rule, nothing, unaided
 from elicit.decision.verdicts import decide
 from elicit.lp.hit_and_run import Draws
-from elicit.model.comparator import WRONG_ODDS, Cell, Decisions, Verdicts
+from elicit.model.comparator import WRONG_ODDS, Decisions, Verdicts
+from elicit.model.comparator_parts import Cell
 from elicit.model.query import Answers, InconsistentAnswers, Verdict
 from elicit.model.scale import Floats
 

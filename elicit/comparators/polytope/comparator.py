@@ -27,14 +27,13 @@ from elicit.lp.region import Region, answer_rows, prior_rows
 from elicit.model.comparator import (
     ALLOWANCE,
     TIE,
-    Cell,
     Decisions,
     Verdicts,
-    bounds_on_trial,
     check_answers,
     check_levels,
     check_tie,
 )
+from elicit.model.comparator_parts import Cell, bounds_on_trial
 from elicit.model.difference import as_differences
 from elicit.model.query import Answers
 from elicit.model.scale import Floats, values_of

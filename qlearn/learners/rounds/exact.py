@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from elicit._support.fixed_order import product
-from elicit.model.comparator import Comparator, best_guess
+from elicit.model.comparator import Comparator
+from elicit.model.comparator_parts import best_guess
 from elicit.model.scale import Floats
 from qlearn.certificates.advantages import Advantages, advantages
 from qlearn.certificates.loss_bound import Guarantee, guarantee

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from elicit._support.fixed_order import product
 from elicit._support.hashing import Seed, key_of
 from elicit.decision.votes import LEVEL_ROUNDING
-from elicit.model.comparator import Comparator, best_guess
+from elicit.model.comparator import Comparator
+from elicit.model.comparator_parts import best_guess
 from elicit.model.difference import tail_sums
 from elicit.model.scale import Floats
 from qlearn.certificates.advantages import Advantages, advantages

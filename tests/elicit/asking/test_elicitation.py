@@ -16,6 +16,7 @@ from elicit import (
     Answer,
     Answers,
     Comparator,
+    Decisions,
     Dominance,
     FlippingTutor,
     InconsistentAnswers,
@@ -26,7 +27,7 @@ from elicit import (
     TruthfulTutor,
     Verdict,
 )
-from elicit.asking.elicitation import Decisions, Elicitation, Pair
+from elicit.asking.elicitation import Elicitation, Pair
 from elicit.asking.elicitation_kernel import NO_FACT, AskingRule, Facts, judge_pair, settle
 from elicit.decision.comparator_rule import rule_of
 from elicit.model.comparator import BY_ANSWERS

@@ -22,7 +22,8 @@ from elicit import (
     decide,
 )
 from elicit.comparators.panel import _FORMS
-from elicit.model.comparator import OPTIONAL_PARTS, offers
+from elicit.model.comparator import offers
+from elicit.model.comparator_parts import OPTIONAL_PARTS
 from elicit.model.pairs import same_pairs
 from elicit.testing import check_comparator, sample_differences
 from tests.own_cases import Exact

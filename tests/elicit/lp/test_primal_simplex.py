@@ -14,21 +14,16 @@ from elicit.lp.dual_simplex import minimise_exactly
 from elicit.lp.primal_simplex import (
     CERTAIN_POINT,
     CORNER,
-    NEARLY,
     USED,
     Known,
-    blocking,
     corner_of,
     inverse_of,
     keep,
     multipliers,
-    pivot,
     pulled_inside,
-    rates_of,
     redundant,
     walk,
 )
-from elicit.lp.region import Region
 from elicit.lp.rounding import bound_of, slacks_of, surely_inside
 from elicit.lp.vertex_store import prune, start
 from tests.lp_cases import dot, exact, exactly, known_sets, normalised, objectives, region
@@ -175,65 +170,3 @@ def test_nothing_is_inside_without_a_point_inside() -> None:
         assert not surely_inside(np.array(g), *of(flat), slack.copy())
         assert not pulled_inside(np.array(g), slack, flat.inside, flat.room, *of(flat), point)
         assert not pulled_inside(np.array(g), np.ones(5), flat.inside, flat.room, *of(flat), point)
-
-
-def matrix_of(active: Any, r: Region) -> Floats:
-    rows = np.concatenate([np.eye(r.p), r.rows])[np.asarray(active, dtype=np.int64)]
-    return np.concatenate([np.ones((1, r.p)), rows])
-
-
-def test_inverses_and_pivots_against_numpy() -> None:
-    rng, done, singular = np.random.default_rng(7), 0, 0
-    for _, r, known in known_sets(70, 42):
-        m = len(r.rows)
-        for _ in range(12):
-            active = rng.choice(r.p + m, size=r.p - 1, replace=False)
-            inverse, matrix = np.empty((r.p, r.p)), matrix_of(active, r)
-            condition = np.linalg.cond(matrix)
-            if not inverse_of(active, known, inverse):
-                singular += 1
-                assert condition > 1e8
-                continue
-            if condition > 1e5:
-                continue
-            assert np.abs(inverse - np.linalg.inv(matrix)).max() < 1e-9 * np.abs(inverse).max()
-            entering, place = int(rng.integers(r.p + m)), int(rng.integers(r.p - 1))
-            rate = np.empty(r.p + m)
-            rates_of(inverse, place + 1, known, rate)
-            assert (
-                np.abs(rate - np.concatenate([np.eye(r.p), r.rows]) @ inverse[:, place + 1]).max()
-                < 1e-9
-            )
-            if entering not in active and abs(rate[entering]) > 1e-2:
-                active[place] = entering
-                pivot(inverse, place + 1, entering, known)
-                assert np.abs(inverse @ matrix_of(active, r) - np.eye(r.p)).max() < 1e-7
-                done += 1
-    assert done > 100
-    assert singular > 10
-
-
-def test_the_steepest_multiplier_and_the_first_constraint_met() -> None:
-    rng = np.random.default_rng(8)
-    for _ in range(200):
-        p, m = int(rng.integers(2, 7)), int(rng.integers(1, 9))
-        s, inverses, y = rng.normal(size=p), rng.normal(size=(2, p, p)), np.empty(p)
-        worst = multipliers(s, inverses, 1, y)
-        assert y == pytest.approx(s @ inverses[1], abs=1e-12)
-        slope = np.where(y[1:] < -NEARLY, y[1:] ** 2 / (inverses[1][:, 1:] ** 2).sum(axis=0), -1.0)
-        assert worst == (int(np.argmax(slope)) if slope.max() > 0 else -1)
-
-        slack, rate = rng.choice([0.0, 0.0, 1e-14, 0.5, 1.0], size=p + m), rng.normal(size=p + m)
-        held = rng.random(p + m) < 0.4
-        met = blocking(slack, rate, held)
-        falling = ~held & (rate < 0)
-        if not falling.any():
-            assert met == -1
-            continue
-        reach = (slack[falling] / -rate[falling]).min()
-        assert falling[met]
-        after = (slack + slack[met] / -rate[met] * rate)[falling]
-        assert (
-            after.min() > -1e-11
-        )  # the first one, but for the tolerance with which ties are broken
-        assert slack[met] / -rate[met] >= reach

@@ -14,7 +14,7 @@ from elicit import (
     PolytopeComparator,
     simultaneous_bounds,
 )
-from elicit.model.comparator import bounds_after, bounds_on_trial
+from elicit.model.comparator_parts import bounds_after, bounds_on_trial
 from tests.scale_arithmetic import tail_sums
 
 

@@ -13,6 +13,7 @@ from elicit import (
     AlwaysAsk,
     Answers,
     Comparator,
+    Decisions,
     Dominance,
     Tier,
     Verdict,
@@ -21,22 +22,18 @@ from elicit import (
 )
 from elicit.decision import comparator_rule
 from elicit.decision.comparator_rule import nothing
-from elicit.model import comparator as protocols
-from elicit.model.comparator import (
+from elicit.model import comparator_parts as protocols
+from elicit.model.comparator import check_levels, offers, verdicts_from
+from elicit.model.comparator_parts import (
     OPTIONAL_PARTS,
     AllowsLapses,
     AllowsTies,
     BoundsAllAtOnce,
-    Decisions,
     PersonAsked,
     PredictsAnswers,
     TrustsDraws,
-    check_levels,
     draws_in,
-    offers,
-    verdicts_from,
 )
-from elicit.model.difference import as_vectors
 from elicit.testing import check_comparator, sample_differences
 from tests.scale_arithmetic import dominance, dot, tail_sums
 
@@ -115,14 +112,14 @@ class OneScale:
         return np.linspace(0, 1, self.k) ** 2
 
     def product(self, d):
-        return dot(tail_sums(as_vectors(d, self.k)), np.diff(self.values))
+        return dot(tail_sums(elicit.as_differences(d, self.k)), np.diff(self.values))
 
     def bounds(self, d):
         x = self.product(d)
         return x, x.copy()
 
     def compare(self, d):
-        codes = dominance(tail_sums(as_vectors(d, self.k)))
+        codes = dominance(tail_sums(elicit.as_differences(d, self.k)))
         return np.where(codes == 2, np.sign(self.product(d)), codes).astype(np.int8)
 
     def update(self, answers):
@@ -139,7 +136,7 @@ def test_a_bold_comparator_conforms():
 
 def left_open(self, d):
     """Where dominance is silent (n,)."""
-    return dominance(tail_sums(as_vectors(d, self.k))) == Verdict.UNKNOWN
+    return dominance(tail_sums(elicit.as_differences(d, self.k))) == Verdict.UNKNOWN
 
 
 def unless(change, verdict):
@@ -194,7 +191,8 @@ class Forgetful(OneScale):
         (
             {
                 "compare": unless(
-                    lambda self, d, _: (as_vectors(d)[:, 0] > 0.9) & left_open(self, d), np.negative
+                    lambda self, d, _: (np.atleast_2d(d)[:, 0] > 0.9) & left_open(self, d),
+                    np.negative,
                 )
             },
             r"level 1|-compare|same sign",

@@ -14,7 +14,8 @@ from elicit import (
     PosteriorComparator,
     RelaxedPolytopeComparator,
 )
-from elicit.model.comparator import OPTIONAL_PARTS, offers
+from elicit.model.comparator import offers
+from elicit.model.comparator_parts import OPTIONAL_PARTS
 from elicit.model.needs import check_needs, needs_of, uses
 
 OURS = (

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from elicit import Query, Verdict
 from elicit._support.jit import compiling
 from elicit.asking.answered_pairs import AnsweredPairs
+from elicit.model.difference_kernel import find, near_to, pair_code, way_round
 from elicit.model.pairs import (
     GRID,
     NEAR,
@@ -18,7 +19,6 @@ from elicit.model.pairs import (
     ways_round,
     whole_numbers,
 )
-from elicit.model.pairs_kernel import find, near_to, pair_code, way_round
 from tests.scale_arithmetic import Floats, tail_sums
 
 KEY = np.uint64(5)

@@ -15,10 +15,10 @@ from elicit import (
     TruthfulTutor,
     Verdict,
     choose,
+    merge_logs,
     tutor_report,
 )
 from elicit.tutors.answer_log import EXPECTED, REPEATS
-from elicit.tutors.merge_logs import merge_logs
 from qlearn.cli.main import main
 
 K = 5

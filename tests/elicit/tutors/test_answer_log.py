@@ -16,10 +16,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from elicit import Answer, AnswerLog, Query, Verdict
+from elicit import Answer, AnswerLog, BadLog, Query, Verdict
 from elicit.tutors import log_file
 from elicit.tutors.answer_log import Asked
-from elicit.tutors.log_lines import BadLog, with_check
+from elicit.tutors.log_lines import with_check
 from tests.interruptions import interrupted_at_each_line
 from tests.thoroughness import examples, thorough
 

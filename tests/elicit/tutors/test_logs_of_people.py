@@ -2,9 +2,17 @@
 
 import pytest
 
-from elicit import Answer, AnswerLog, PolytopeComparator, Query, ReplayTutor, Session, choose
-from elicit.tutors.log_lines import BadLog
-from elicit.tutors.merge_logs import merge_logs
+from elicit import (
+    Answer,
+    AnswerLog,
+    BadLog,
+    PolytopeComparator,
+    Query,
+    ReplayTutor,
+    Session,
+    choose,
+    merge_logs,
+)
 
 LEFT, RIGHT = [0.1, 0.2, 0.7], [0.3, 0.3, 0.4]
 

@@ -6,14 +6,14 @@ import pytest
 from elicit import (
     Answer,
     AnswerLog,
+    BadLog,
     InconsistentAnswers,
     PolytopeComparator,
     Query,
     Verdict,
     choose,
+    merge_logs,
 )
-from elicit.tutors.log_lines import BadLog
-from elicit.tutors.merge_logs import merge_logs
 
 LEFT, RIGHT = [0.1, 0.2, 0.7], [0.3, 0.3, 0.4]
 

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from elicit import Answer, AnswerLog, FlippingTutor, Query, ReplayTutor, Verdict
+from elicit import Answer, AnswerLog, FlippingTutor, NotInLog, Query, ReplayTutor, Verdict
 from elicit.tutors.answer_log import Entry
-from elicit.tutors.replay import NotInLog
 
 
 def query(d, name):

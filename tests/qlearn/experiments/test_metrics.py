@@ -9,9 +9,8 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from elicit import AlwaysAsk, Answers, Query, Tier, Verdict
+from elicit import AlwaysAsk, Answers, Decisions, Query, Tier, Verdict
 from elicit.asking.elicitation import Audit
-from elicit.model.comparator import Decisions
 from qlearn import Guarantee, OrdinalMDP, Result, Status, random_mdp, value_iteration
 from qlearn.experiments.metrics import (
     Watch,

@@ -13,6 +13,7 @@ from elicit import (
     AlwaysAsk,
     Answer,
     AskingOptions,
+    Decisions,
     Dominance,
     FlippingTutor,
     PolytopeComparator,
@@ -21,7 +22,6 @@ from elicit import (
     Verdict,
     choose,
 )
-from elicit.model.comparator import Decisions
 from qlearn import (
     InteractivePolicyIteration,
     InteractiveQLearning,

@@ -11,7 +11,7 @@ import pytest
 
 import qlearn
 from elicit import Bags, Needs, PolytopeComparator, PosteriorComparator, TruthfulTutor
-from elicit.model.comparator import OPTIONAL_PARTS
+from elicit.model.comparator_parts import OPTIONAL_PARTS
 from elicit.model.needs import needs_of
 from qlearn.learners.query_strategies import STRATEGIES, Candidates
 from tests.own_cases import Exact

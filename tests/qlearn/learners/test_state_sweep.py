@@ -15,6 +15,7 @@ from elicit import (
     Answer,
     Answers,
     Comparator,
+    Decisions,
     FlippingTutor,
     PolytopeComparator,
     Query,
@@ -26,7 +27,7 @@ from elicit import (
     simultaneous_bounds,
 )
 from elicit.decision.comparator_rule import weighted
-from elicit.model.comparator import Decisions, offers
+from elicit.model.comparator import offers
 from qlearn import (
     InteractiveQLearning,
     InteractiveValueIteration,

@@ -9,13 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit import Answers, BradleyTerryComparator, Comparator, Verdict
+from elicit import Answers, BradleyTerryComparator, Comparator, NotConverged, Verdict
 from elicit._support.hashing import key_of
-from elicit.comparators.bradley_terry.bootstrap_comparator import (
-    NotConverged,
-    next_refit,
-    refit_point,
-)
+from elicit.comparators.bradley_terry.bootstrap_comparator import next_refit, refit_point
 from elicit.comparators.bradley_terry.likelihood import (
     bootstrap_weights,
     fit,

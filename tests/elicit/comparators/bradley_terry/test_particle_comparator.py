@@ -23,7 +23,8 @@ from elicit import (
 )
 from elicit._support.fixed_order import product
 from elicit.comparators.bradley_terry.particle_comparator import LAPSE
-from elicit.model.comparator import ALLOWANCE, lapse_of
+from elicit.model.comparator import ALLOWANCE
+from elicit.model.comparator_parts import lapse_of
 from elicit.model.scale import order_bounds
 from elicit.testing import check_comparator, sample_differences
 from tests.interpreter import run

@@ -14,10 +14,9 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 
-from elicit import AnswerLog, Interview, PolytopeComparator, Session, Subject, choose
+from elicit import AnswerLog, BadLog, Interview, PolytopeComparator, Session, Subject, choose
 from elicit.person.hosts import web_app
 from elicit.person.hosts.web import WebServer
-from elicit.tutors.log_lines import BadLog
 from tests.interpreter import run
 from tests.web_person import Visitor, answer_all
 

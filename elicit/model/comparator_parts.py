@@ -1,0 +1,595 @@
+"""The optional parts of a comparator: their table, their protocols, and functions that read them.
+
+A function that reads a part says what counts where it is missing.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol, cast, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from elicit.model.comparator import Comparator, bounds_of, offers
+from elicit.model.difference import as_differences, tail_sums
+from elicit.model.query import Answers, InconsistentAnswers, Verdict
+from elicit.model.scale import Floats, order_bounds
+
+
+@runtime_checkable
+class BoundsAllAtOnce(Protocol):
+    """A comparator whose bounds can guarantee a policy.
+
+    It has a set of scales that holds the true one.
+    """
+
+    def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
+        """Return upper bounds on d.e that hold for all rows at once, and their confidence.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        hi : (n,) in units of e_k - e_1
+        confidence : float
+            The probability that they hold: 1 if it is certain as long as the answers are right, nan
+            if none can be stated.
+        """
+
+
+@runtime_checkable
+class ForeseesBounds(Protocol):
+    """A comparator that says what an answer would leave without being told it."""
+
+    def bounds_after(self, asked: ArrayLike, d: ArrayLike, enough: ArrayLike) -> Floats:
+        """Return about the simultaneous bounds on d.e that each answer would leave.
+
+        They are (c, 2, n) for c questions ``asked`` (c, k), the answers worse and better, and n
+        differences d (n, k); -inf if the answer contradicts what is known. A bound up to
+        ``enough``, one number or (n,), may be any number up to that.
+        """
+
+
+@runtime_checkable
+class PredictsAnswers(Protocol):
+    """A comparator with a model of the tutor's next answer."""
+
+    def probability(self, d: ArrayLike) -> Floats | tuple[Floats, ...]:
+        """Return the probability (n,) that the tutor says left is better.
+
+        The differences d are (n, k). Of several arrays, such as the ends of an interval, the last
+        is the best guess.
+        """
+
+
+class Part(NamedTuple):
+    """An optional part of a comparator.
+
+    protocol: the name of its type. signature: how it is called. gives: what it is or returns. use:
+    what is done with it, and without it. offered_by: the comparators of ours that have it.
+    """
+
+    protocol: str
+    signature: str
+    gives: str
+    use: str
+    offered_by: tuple[str, ...]
+
+    @property
+    def member(self) -> str:
+        """The name that a comparator has."""
+        return self.signature.split("(")[0]
+
+
+_PANEL = ("Panel",)
+_OPEN = "OpenOrderComparator"
+_POLYTOPES = ("PolytopeComparator", "RelaxedPolytopeComparator")
+_MODELS = ("PosteriorComparator", "BradleyTerryComparator")
+_DRAWING = (*_POLYTOPES, *_MODELS)
+_LEARNING = (*_DRAWING, _OPEN)
+_ALL = (*_LEARNING, "Dominance", "AlwaysAsk")
+
+OPTIONAL_PARTS = (
+    Part(
+        "BoundsAllAtOnce",
+        "simultaneous_bounds(d)",
+        "upper bounds (n,) on d.e that hold for all rows at once, and the confidence that they do",
+        "Bounds what a policy may lose. Without it `bounds` does, with a confidence of nan, and "
+        "policy iteration and "
+        "value iteration end BOUNDED, not CONVERGED.",
+        _ALL + _PANEL,
+    ),
+    Part(
+        "ForeseesBounds",
+        "bounds_after(asked, d, enough)",
+        "beside `simultaneous_bounds`: about these (c, 2, n), after the answers worse and better "
+        "to c questions",
+        "Cuts are chosen by it. Without it a comparator is told each answer on trial.",
+        ("PolytopeComparator",),
+    ),
+    Part(
+        "HasDraws",
+        "draws",
+        "plausible scales: gaps (k - 1, m), weights (m,), precisions (m,), or None for now",
+        "Questions are chosen by it. Without it they are chosen by scales drawn from all ordered "
+        "ones.",
+        (*_DRAWING, _OPEN, *_PANEL),
+    ),
+    Part(
+        "TrustsDraws",
+        "level",
+        "beside `draws`, if the bounds depend on them: the weight of draws that a verdict needs",
+        "The loss of a policy is bounded under that share of the draws.",
+        _MODELS + _PANEL,
+    ),
+    Part(
+        "StatesConfidence",
+        "confidence",
+        "beside `level`: the probability with which guarantees under the draws hold; nan for none",
+        "Is a result's confidence. Without it `level` is.",
+        ("BradleyTerryComparator", "Panel"),
+    ),
+    Part(
+        "PredictsAnswers",
+        "probability(d)",
+        "(n,) the probability that the tutor says left is better; of several arrays the last is "
+        "the best guess",
+        "`held_out` scores it, and policy iteration asks about magnified differences (`bags`). "
+        "Without it there is no log-likelihood.",
+        _MODELS,
+    ),
+    Part(
+        "MadeOfCells",
+        "cells",
+        "`elicit.parts.Cell`s: comparators whose plausible scales together make up this one's",
+        "The loss of a policy is bounded in each cell, and the greatest bound counts. Without it "
+        "there is one cell.",
+        ("PolytopeComparator",),
+    ),
+    Part(
+        "AllowsWrong",
+        "wrong",
+        "the number of answers that may be wrong, from 0 on",
+        "An open pair is asked about again until `wrong` + 1 answers agree. Without it one "
+        "answer will do.",
+        ("PolytopeComparator",),
+    ),
+    Part(
+        "AllowsLapses",
+        "lapse",
+        "the share of answers given at random, 0 up to 1",
+        "Questions are chosen by it. Without it 0 is taken.",
+        ("PosteriorComparator", "Panel"),
+    ),
+    Part(
+        "AllowsTies",
+        "tie",
+        "the largest |d.e|, a share of the value range, that the tutor may call equal",
+        "Learners stop asking about pairs so near that were called equal. Without it EQUAL means "
+        "equal.",
+        _ALL + _PANEL,
+    ),
+    Part(
+        "KeepsAnswers",
+        "answers",
+        "`elicit.Answers`, all it was told, in order",
+        "It is not told again what it knows already.",
+        _LEARNING + _PANEL,
+    ),
+    Part(
+        "LearnsInSteps",
+        "answers_to_next_step",
+        "how many more answers, at least 1, it takes until verdicts may change; then `update` must "
+        "take any answers",
+        "Until then Q-learning's compiled loop asks a simulated tutor by itself.",
+        _MODELS,
+    ),
+    Part(
+        "Ruled",
+        "rule",
+        "an `elicit.decision.comparator_rule.Rule`: what it knows, as arrays",
+        "Compiled loops decide by it. Without it they call `compare`.",
+        _ALL + _PANEL,
+    ),
+    Part(
+        "Settling",
+        "settle(d)",
+        "beside `rule`: verdicts and tiers (n,) of what the rule leaves open",
+        "Compiled loops call it there.",
+        (*_POLYTOPES, _OPEN, *_PANEL),
+    ),
+    Part(
+        "KnowsPeople",
+        "people",
+        "the names of those who answer, whose scales it combines",
+        "With several, no answer of one of them decides a pair for all, and a cut is asked of one. "
+        "Without it there is one tutor.",
+        _PANEL,
+    ),
+    Part(
+        "ChoosesWhom",
+        "whom(d, besides)",
+        "beside `people`: the name to ask about one d (k,), and what to ask them about, as an "
+        "`elicit.parts.PersonAsked`; None if nobody can tell more",
+        "A question is put to that person, who is its `Query.who`.",
+        _PANEL,
+    ),
+    Part(
+        "LeavesOrderOpen",
+        "unordered",
+        "the two neighbouring levels, counted from 0, of which either may be the better",
+        "`choose` and policy iteration go by its verdicts and bounds alone. Other learners refuse "
+        "it. Without it the order of the levels is certain.",
+        (_OPEN,),
+    ),
+)
+"""All optional parts. ``elicit.testing`` checks them, and docs/your-own-comparator.md is compared
+with this table.
+"""
+
+
+def best_guess(comparator: Comparator) -> Floats:
+    """``comparator.values`` (k,).
+
+    Raises TypeError unless these are numbers that rise from 0 to 1. They need not rise from one
+    level to the next if the comparator leaves the order of the two open.
+    """
+    values = np.asarray(comparator.values, dtype=np.float64)
+    open_step = unordered_of(comparator)
+    if open_step is not None and values.shape == (comparator.k,):
+        low = open_step[0]
+        values_in_order = values.copy()
+        values_in_order[low : low + 2] = np.sort(values[low : low + 2])
+    else:
+        values_in_order = values
+    ends = (
+        values.shape == (comparator.k,)
+        and abs(values_in_order[0]) < 1e-6
+        and abs(values_in_order[-1] - 1.0) < 1e-6
+    )
+    if not (ends and (np.diff(values_in_order) >= -1e-9).all()):
+        raise TypeError(
+            f"{type(comparator).__name__}.values must be an array ({comparator.k},) that rises "
+            "from 0 to 1, the best "
+            f"single guess at the scale, not {comparator.values!r}"
+        )
+    return values
+
+
+def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, float]:
+    """Return upper bounds (n,) on d.e that hold for all rows of d (n, k) at once.
+
+    The confidence with which they do comes second. A comparator that is not ``BoundsAllAtOnce``
+    gives the bounds that it has row by row, with a confidence of nan. None lies beyond the bounds
+    that the order of levels gives, but for rounding.
+    """
+    rows = as_differences(d, comparator.k)
+    if offers(comparator, "simultaneous_bounds"):
+        found = cast(BoundsAllAtOnce, comparator).simultaneous_bounds(d)
+        high, confidence = _checked_bounds(found, type(comparator).__name__, len(rows))
+        if unordered_of(comparator) is not None:
+            return high, confidence
+        # what lies beyond the order's bounds, such as inf, says no more than these do; rounding
+        # stays as it is
+        most, rounding = (
+            order_bounds(tail_sums(rows), 0.0)[1],
+            1e-9 * np.maximum(np.abs(rows).sum(axis=1), 1.0),
+        )
+        return np.where(high > most + rounding, most, high), confidence
+    return np.minimum(bounds_of(comparator, rows)[1], order_bounds(tail_sums(rows), 0.0)[1]), np.nan
+
+
+def bounds_after(
+    comparator: Comparator, asked: Floats, d: Floats, enough: float | Floats
+) -> Floats:
+    """Return about the simultaneous bounds (c, 2, n) on d (n, k) that answers would leave.
+
+    The questions are ``asked`` (c, k), and the answers worse and better. -inf if an answer
+    contradicts what is known. Bounds up to ``enough``, one number or (n,), may be any number up to
+    that.
+    """
+    if offers(comparator, "bounds_after"):
+        return cast(ForeseesBounds, comparator).bounds_after(asked, d, enough)
+    return bounds_on_trial(comparator, asked, d)
+
+
+def bounds_on_trial(comparator: Comparator, asked: Floats, d: Floats) -> Floats:
+    """Return the same by telling the comparator each answer."""
+    out = np.full((len(asked), 2, len(d)), -np.inf)
+    for i, row in enumerate(asked):
+        for part, verdict in enumerate((Verdict.WORSE, Verdict.BETTER)):
+            try:
+                known = comparator.update(Answers(row[None], [int(verdict)]))
+            except InconsistentAnswers:
+                continue
+            out[i, part] = simultaneous_bounds(known, d)[0]
+    return out
+
+
+def _checked_bounds(found: object, name: str, n: int) -> tuple[Floats, float]:
+    """Return the result of ``simultaneous_bounds`` for n differences.
+
+    Raises TypeError unless it is (n,) and a number.
+    """
+    if isinstance(found, tuple) and len(found) == 2:
+        high, confidence = np.asarray(found[0]), found[1]
+        if (
+            high.shape == (n,)
+            and high.dtype == np.float64
+            and not np.isnan(high).any()
+            and np.ndim(confidence) == 0
+        ):
+            return high, confidence
+    raise TypeError(
+        f"{name}.simultaneous_bounds(d) must return upper bounds (n,) on d.e that hold for all "
+        "rows at once, and the "
+        f"confidence in them, a number (nan where none can be stated), but of {n} differences it "
+        f"returns {found!r}"
+    )
+
+
+@runtime_checkable
+class HasDraws(Protocol):
+    """A comparator that names plausible scales, by which questions are chosen."""
+
+    @property
+    def draws(self) -> tuple[Floats, Floats, Floats] | None:
+        """Weighted plausible scales, or None for now.
+
+        As in ``elicit.lp.hit_and_run.Draws`` they are gaps (p, m), weights (m,) of total 1, and the
+        tutor's precision (m,) under each.
+        """
+
+
+@runtime_checkable
+class TrustsDraws(HasDraws, Protocol):
+    """One whose bounds depend on its draws: a guarantee holds under this share of their weight."""
+
+    @property
+    def level(self) -> float:
+        """The share, below 1."""
+
+
+@runtime_checkable
+class StatesConfidence(Protocol):
+    """A comparator that states the confidence of its guarantees.
+
+    It differs from the share of draws that they depend on.
+    """
+
+    @property
+    def confidence(self) -> float:
+        """The probability with which they hold; nan where none can be stated."""
+
+
+@runtime_checkable
+class AllowsLapses(Protocol):
+    """A comparator that takes the tutor to answer some questions at random."""
+
+    @property
+    def lapse(self) -> float:
+        """The share of such answers."""
+
+
+@runtime_checkable
+class KeepsAnswers(Protocol):
+    """A comparator that can say what it has learned from."""
+
+    @property
+    def answers(self) -> Answers:
+        """All answers, in told order."""
+
+
+@runtime_checkable
+class LearnsInSteps(Protocol):
+    """A comparator that may need several answers before its verdicts change.
+
+    Its ``update`` takes any answers, also contradictory ones. Until verdicts may change, compiled
+    loops go on with its rule.
+    """
+
+    @property
+    def answers_to_next_step(self) -> int:
+        """The number of further answers, at least 1, until verdicts may change."""
+
+
+class Cell(NamedTuple):
+    """Part of the plausible scales of a comparator: those under which certain answers are wrong.
+
+    Attributes
+    ----------
+    scales : Comparator
+        Its plausible scales are the cell.
+    wrong : tuple of int
+        Rows of the answers that are wrong under them, in ascending order.
+    weight : float
+        How plausible the cell is beside the others, in total 1. Questions are chosen by it.
+    """
+
+    scales: Comparator
+    wrong: tuple[int, ...]
+    weight: float
+
+
+@runtime_checkable
+class MadeOfCells(Protocol):
+    """A comparator whose plausible scales are the union of those of several comparators."""
+
+    @property
+    def cells(self) -> Sequence[Cell]:
+        """The cells, at least one."""
+
+
+@runtime_checkable
+class AllowsWrong(Protocol):
+    """A comparator that takes some answers to be wrong, without knowing which."""
+
+    @property
+    def wrong(self) -> int:
+        """The greatest number of such answers."""
+
+
+class PersonAsked(NamedTuple):
+    """A person, and a difference (k,) to ask them about."""
+
+    who: str
+    d: Floats
+
+
+@runtime_checkable
+class KnowsPeople(Protocol):
+    """A comparator that combines what several people answer."""
+
+    @property
+    def people(self) -> Sequence[str]:
+        """Their names, at least one."""
+
+
+@runtime_checkable
+class ChoosesWhom(Protocol):
+    """A comparator that says whom to ask."""
+
+    def whom(self, d: ArrayLike, besides: Sequence[str] = ()) -> PersonAsked | None:
+        """Return whom to ask about a difference d (k,), and the difference to ask them about.
+
+        ``besides`` are not to be asked. None if nobody can tell more.
+        """
+
+
+@runtime_checkable
+class LeavesOrderOpen(Protocol):
+    """A comparator that does not know which of two neighbouring levels is the better."""
+
+    @property
+    def unordered(self) -> tuple[int, int]:
+        """The two levels, counted from 0, the lower number first."""
+
+
+@runtime_checkable
+class AllowsTies(Protocol):
+    """A comparator whose tutor may call equal what is only nearly so."""
+
+    @property
+    def tie(self) -> float:
+        """The largest |d.e|, as a share of the value range, that the tutor may call equal."""
+
+
+def trusted_share(comparator: object) -> float | None:
+    """Return the share of a comparator's draws under which its bounds hold.
+
+    None if they do not depend on draws.
+
+    Nothing is drawn to find out.
+    """
+    if not (offers(comparator, "level") and offers(comparator, "draws")):
+        return None
+    return float(cast(TrustsDraws, comparator).level)
+
+
+def stated_confidence(comparator: Comparator, level: float) -> float:
+    """Return the confidence of guarantees under a comparator's draws.
+
+    It is the comparator's own statement, else the share ``level``.
+    """
+    return (
+        cast(StatesConfidence, comparator).confidence if offers(comparator, "confidence") else level
+    )
+
+
+def draws_in(comparator: Comparator) -> tuple[Floats, Floats, Floats] | None:
+    """Return a comparator's own ``draws``: gaps (p, m), weights (m,), precisions (m,).
+
+    None if it has none, or none yet. Raises TypeError that says what is wrong with them.
+    """
+    found = getattr(comparator, "draws", None)
+    if found is None:
+        return None
+    p = comparator.k - 1
+    parts = (
+        [np.asarray(part) for part in found] if isinstance(found, tuple) and len(found) == 3 else []
+    )
+    wrong = f"it is {type(found).__name__}"
+    if parts:
+        (gaps, weights, precision), shapes = parts, ", ".join(str(part.shape) for part in parts)
+        m = gaps.shape[-1] if gaps.ndim == 2 else 0
+        totals = np.zeros(m)
+        if m and gaps.dtype == np.float64:
+            totals = _ranges(gaps) if offers(comparator, "unordered") else gaps.sum(axis=0)
+        if not m or (gaps.shape, weights.shape, precision.shape) != ((p, m), (m,), (m,)):
+            wrong = f"their shapes are {shapes}"
+        elif not all(part.dtype == np.float64 for part in parts):
+            wrong = f"their types are {', '.join(str(part.dtype) for part in parts)}, not float64"
+        elif not (np.abs(totals - 1.0) <= 1e-6).all():  # also where one is nan
+            wrong = (
+                f"the gaps of draw {int(np.argmin(np.abs(totals - 1.0) <= 1e-6))} do not total 1"
+            )
+        elif not ((weights >= 0).all() and abs(weights.sum() - 1.0) <= 1e-6):
+            wrong = f"the weights range from {weights.min()} and total {weights.sum()}"
+        elif not (precision >= 0).all():
+            wrong = f"the least precision is {precision.min()}"
+        else:
+            return gaps, weights, precision
+    raise TypeError(
+        f"{type(comparator).__name__}.draws must be None or a tuple: the gaps of m scales ({p}, "
+        "m), each total 1, "
+        f"their weights (m,) of total 1, and the tutor's precision (m,) under each, but {wrong}"
+    )
+
+
+def _ranges(gaps: Floats) -> Floats:
+    """Return the value range (m,) of scales by their gaps (p, m), some of which may be negative."""
+    values = np.vstack([np.zeros(gaps.shape[1]), np.cumsum(gaps, axis=0)])
+    return np.asarray(values.max(axis=0) - values.min(axis=0))
+
+
+def tie_of(comparator: Comparator) -> float:
+    """The largest |d.e| that the comparator's tutor may call equal: 0 where it does not say."""
+    return float(cast(AllowsTies, comparator).tie) if offers(comparator, "tie") else 0.0
+
+
+def cells_of(comparator: Comparator) -> Sequence[Cell]:
+    """The comparator's cells: one, which is all of it, where it is not made of cells."""
+    cells = cast(MadeOfCells, comparator).cells if offers(comparator, "cells") else ()
+    return cells if len(cells) > 1 else (Cell(comparator, (), 1.0),)
+
+
+def unordered_of(comparator: Comparator) -> tuple[int, int] | None:
+    """Return the two neighbouring levels whose order the comparator leaves open; None if none."""
+    if not offers(comparator, "unordered"):
+        return None
+    low, high = cast(LeavesOrderOpen, comparator).unordered
+    return int(low), int(high)
+
+
+def wrong_of(comparator: Comparator) -> int:
+    """The number of answers that may be wrong: 0 where the comparator does not say."""
+    return int(cast(AllowsWrong, comparator).wrong) if offers(comparator, "wrong") else 0
+
+
+def people_of(comparator: object) -> tuple[str, ...]:
+    """Return the names of those whose answers a comparator combines; () where it does not say."""
+    found = offers(comparator, "people") and offers(comparator, "whom")
+    return tuple(cast(KnowsPeople, comparator).people) if found else ()
+
+
+def whom_of(comparator: Comparator, d: Floats, besides: Sequence[str] = ()) -> PersonAsked | None:
+    """Return whom a comparator of several people would ask about d (k,), and what.
+
+    Raises TypeError for a person who is none of its people.
+    """
+    asked = cast(ChoosesWhom, comparator).whom(d, besides)
+    if asked is not None and asked.who not in people_of(comparator):
+        raise TypeError(
+            f"{type(comparator).__name__}.whom(d) must name one of its people, not {asked.who!r}"
+        )
+    return asked
+
+
+def lapse_of(comparator: Comparator) -> float:
+    """Return the share of answers that the comparator takes to be given at random.
+
+    It is 0 if the comparator does not say.
+    """
+    return float(cast(AllowsLapses, comparator).lapse) if offers(comparator, "lapse") else 0.0
