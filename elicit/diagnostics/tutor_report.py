@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 from scipy.stats import binomtest
 
 from elicit._support.hashing import Seed, key_of
@@ -20,19 +19,19 @@ from elicit._support.seeds import seed_of
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
 from elicit.asking.options import EarlierAnswers
-from elicit.comparators.bradley_terry.particle_comparator import PRECISION, PosteriorComparator
+from elicit.comparators.bradley_terry.particle_comparator import (
+    PARTICLES,
+    PRECISION,
+    PosteriorComparator,
+)
 from elicit.lp.prior_inequalities import PriorLike
 from elicit.model.comparator import check_levels
 from elicit.model.difference import dominance, tail_sums
 from elicit.model.pairs import pair_numbers, ways_round
 from elicit.model.query import Answers
+from elicit.model.scale import Floats
 from elicit.tutors.answer_log import AnswerLog, entries_of
-from elicit.tutors.erring_tutor import says_left
 
-_ROOTS = np.linspace(
-    0.03, 0.98, 9
-)  # square roots of the nine lapses tried: the likelihood changes fastest near 0
-_LAPSE = 4.0  # a priori the lapse is Beta(1, 4)
 _BOUNDLESS = math.exp(
     PRECISION[0] + 1.25 * PRECISION[1]
 )  # an upper end of the precision above it comes from the prior
@@ -180,7 +179,7 @@ def tutor_report(
     *,
     level: float = 0.95,
     prior: PriorLike = None,
-    particles: int | None = None,
+    particles: int = PARTICLES,
     seed: Seed | None = 0,
 ) -> TutorReport:
     """Estimate how often a tutor errs, how precise the answers are, and a side bias.
@@ -196,8 +195,8 @@ def tutor_report(
         Level of the intervals, in (0, 1).
     prior : optional
         Inequalities that hold for certain, as in ``PosteriorComparator``.
-    particles : int, optional
-        Number for each of nine lapses. None: 50 a gap, at least 300.
+    particles : int
+        Number of draws from the posterior.
     seed : int, SeedSequence, Generator or None
 
     Returns
@@ -217,10 +216,9 @@ def tutor_report(
     stay hidden, and if error rates differ between pairs e is below their mean.
 
     The second is from the model, P(left said better) = lapse/2 + (1 - lapse) sigma(c d.e), with the
-    prior of ``PosteriorComparator`` on scale and precision c, and Beta(1, 4) (mean 1/5) on the
-    lapse. It is the posterior share of answers on the wrong side of the scale. The lapse's
-    likelihood is the integral of its derivative, the posterior mean of that of the log-likelihood
-    (path sampling, Gelman and Meng 1998).
+    prior of ``PosteriorComparator`` on scale, precision c and lapse. It is the posterior share of
+    answers on the wrong side of the scale. The lapse's interval is the shortest,
+    from 0 on if that is hardly longer.
 
     Some twenty answers to questions that were asked because nobody could predict them say little
     about errors: then the priors dominate. If no answer distinguishes a large precision from a
@@ -363,70 +361,46 @@ def _couples(answers: Answers) -> tuple[NDArray[np.intp], int]:
 
 @one_thread
 def _fit_model(
-    answers: Answers, level: float, prior: PriorLike, particles: int | None, seed: Seed | None
+    answers: Answers, level: float, prior: PriorLike, particles: int, seed: Seed | None
 ) -> dict[str, Any]:
-    """Return the part of a ``TutorReport`` that depends on the model.
-
-    The posterior over scale and precision is one of particles, at each of some lapses. The
-    posterior over the lapse is its integrated likelihood; each lapse tried stands for those nearest
-    to it.
-    """
-    key, lapses = key_of(seed_of(seed)), _ROOTS**2
-    m = max(300, 50 * (answers.k - 1)) if particles is None else particles
-    t = tail_sums(answers.d) * np.where(answers.y == 0, 1, answers.y)[:, None]
-    tied = answers.y == 0
-    every, slopes, shares, doubts = [], [], [], []
-    for lapse in lapses.tolist():
-        model = PosteriorComparator(
-            answers.k, lapse=lapse, particles=m, prior=prior, seed=key, tie=0.0
-        )
-        draws = model.update(answers).draws
-        every.append(draws)
-        scores = t @ draws.gaps
-        slope, opposite = (
-            (0.5 - says_left(at, draws.precision, 0.0)) / says_left(at, draws.precision, lapse)
-            for at in (scores, -scores[tied])
-        )  # of the logarithm of an answer's probability, along the lapse
-        slope[tied] = (slope[tied] + opposite) / 2
-        slopes.append(slope.sum(axis=0) @ draws.weights)
-        shares.append((scores[~tied] < 0).mean(axis=0))
-        doubts.append((scores < 0) @ draws.weights)
-
-    fine = (np.arange(4000) + 0.5) / 4000
-    roots = np.clip(np.sqrt(fine), 0.0, _ROOTS[-1])
-    log_density = PchipInterpolator(
-        _ROOTS, 2 * _ROOTS * np.array(slopes), extrapolate=True
-    ).antiderivative()(roots)
-    density = np.exp(log_density - log_density.max()) * (1.0 - fine) ** (_LAPSE - 1.0)
-    density /= density.sum()
-    mass = np.array([np.interp(roots, _ROOTS, hat) @ density for hat in np.eye(len(_ROOTS))])
-    kept = np.argsort(-density, kind="stable")
-    kept = kept[: np.searchsorted(np.cumsum(density[kept]), level) + 1]
-    half = 0.5 / len(fine)
-
-    weights = np.concatenate(
-        [share * draws.weights for share, draws in zip(mass, every, strict=True)]
-    )
+    """Return the part of a ``TutorReport`` that depends on the model."""
+    posterior = PosteriorComparator(
+        answers.k, particles=particles, prior=prior, seed=key_of(seed_of(seed)), tie=0.0
+    ).update(answers)
+    draws, lapses, tied = posterior.draws, posterior.lapses, answers.y == 0
+    t = tail_sums(answers.d) * np.where(tied, 1, answers.y)[:, None]
+    against = t @ draws.gaps < 0
+    wrong = against[~tied].mean(axis=0)
+    doubt = np.where(tied, 0.0, against @ draws.weights)
+    doubtful = [i for i in np.argsort(-doubt, kind="stable") if doubt[i] > 0.5]
     tails = [(1 - level) / 2, (1 + level) / 2]
-    wrong = np.concatenate(shares)
-    precisions = np.concatenate([draws.precision for draws in every])
-    middle, low, high = np.quantile(
-        precisions, [0.5, *tails], weights=weights, method="inverted_cdf"
-    )
-    doubt = np.where(tied, 0.0, mass @ np.array(doubts))
-    names = [
-        (answers.ids[i], float(doubt[i]))
-        for i in np.argsort(-doubt, kind="stable")
-        if doubt[i] > 0.5
-    ]
+
+    def quantiles(numbers: Floats, shares: list[float]) -> list[float]:
+        found = np.quantile(numbers, shares, weights=draws.weights, method="inverted_cdf")
+        return [float(each) for each in found]
+
     return {
-        "error_rate": _around(
-            wrong @ weights, *np.quantile(wrong, tails, weights=weights, method="inverted_cdf")
-        ),
-        "precision": Estimate(float(middle), float(low), float(high)),
-        "lapse": _around(fine @ density, fine[kept].min() - half, fine[kept].max() + half),
-        "doubtful": tuple(names),
+        "error_rate": _around(float(wrong @ draws.weights), *quantiles(wrong, tails)),
+        "precision": Estimate(*quantiles(draws.precision, [0.5, *tails])),
+        "lapse": _around(float(lapses @ draws.weights), *_shortest(lapses, draws.weights, level)),
+        "doubtful": tuple((answers.ids[i], float(doubt[i])) for i in doubtful),
     }
+
+
+def _shortest(shares: Floats, weights: Floats, level: float) -> tuple[float, float]:
+    """Return the shortest interval with a weight of ``level``, of weighted numbers from 0 on.
+
+    It begins at 0 unless one that does not is a tenth shorter: draws scatter.
+    """
+    order = np.argsort(shares, kind="stable")
+    at, below = shares[order], np.concatenate([[0.0], np.cumsum(weights[order])])
+    last = np.searchsorted(below[1:], below[:-1] + level * (1.0 - 1e-9))
+    starts = np.flatnonzero(last < len(at))
+    lengths = at[last[starts]] - at[starts]
+    first = int(starts[np.argmin(lengths)])
+    if lengths.min() > 0.9 * at[last[0]]:
+        return 0.0, float(at[last[0]])
+    return float(at[first]), float(at[last[first]])
 
 
 def _around(value: float, low: float, high: float) -> Estimate:

@@ -611,6 +611,16 @@ class PosteriorComparator:
         return sum(float(product(own[1], weights)) for own in tutors.values()) / len(tutors)
 
     @property
+    def lapses(self) -> Floats:
+        """The share of answers given at random in each of ``draws``, (m,).
+
+        Of several raters it is their mean.
+        """
+        tutors = self._tutors.values()
+        spread = [np.broadcast_to(own[1], self.particles) for own in tutors]
+        return np.asarray(np.mean(spread, axis=0))
+
+    @property
     def draws(self) -> Draws:
         """The particles: weighted draws from the posterior."""
         gaps, weights = self._gaps_and_weights

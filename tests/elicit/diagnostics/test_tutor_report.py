@@ -36,7 +36,7 @@ from tests.noisy_cases import log_terms
 from tests.scale_arithmetic import dominance, tail_sums
 from tests.thoroughness import quick_first
 
-FAST = 40  # particles enough for a rough check
+FAST = 300  # particles enough for a rough check
 
 
 def scale(k, rng):
