@@ -2,8 +2,6 @@
 one.
 """
 
-import pytest
-
 from tests.interpreter import run
 
 TWO = {"OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
@@ -22,30 +20,23 @@ def decorated():
 """
 
 
-@pytest.mark.parametrize(
-    ("code", "threads"),
-    [
-        ("now()\ndecorated()\nnow()", "2 1 2"),
-        (
-            "with one_thread:\n    with one_thread:\n        now()\n    decorated()\n    "
-            "now()\nnow()",
-            "1 1 1 2",
-        ),
-        ("try:\n    with one_thread:\n        1 / 0\nexcept ZeroDivisionError:\n    now()", "2"),
-        ("with threadpool_limits(1):\n    decorated()\n    now()\nnow()", "1 1 2"),
-        (
-            "with one_thread:\n    pass\nwith threadpool_limits(1):\n    "
-            "now()\nnow()\ndecorated()\nnow()",
-            "1 2 1 2",
-        ),
-        (
-            "import scipy.optimize, clarabel, sys\nassert len(threadpool_info()) > 1\ndecorated()",
-            "1",
-        ),
-    ],
-)
-def test_a_block_has_one_thread_and_leaves_as_many_as_there_were(code: str, threads: str) -> None:
-    assert " ".join(run(BEGIN + code, **TWO)) == threads
+BLOCKS = {  # each leaves things as it found them, so that the next one begins with two threads
+    "now()\ndecorated()\nnow()": "2 1 2",
+    "with one_thread:\n    with one_thread:\n        now()\n    decorated()\n    now()\nnow()": (
+        "1 1 1 2"
+    ),
+    "try:\n    with one_thread:\n        1 / 0\nexcept ZeroDivisionError:\n    now()": "2",
+    "with threadpool_limits(1):\n    decorated()\n    now()\nnow()": "1 1 2",
+    "with one_thread: pass\nwith threadpool_limits(1):\n    now()\nnow()\ndecorated()\nnow()": (
+        "1 2 1 2"
+    ),
+    "import scipy.optimize, clarabel, sys\nassert len(threadpool_info()) > 1\ndecorated()": "1",
+}
+
+
+def test_a_block_has_one_thread_and_leaves_as_many_as_there_were() -> None:
+    shown = " ".join(run("\nprint('|')\n".join([BEGIN, *BLOCKS]), **TWO))
+    assert shown == "| " + " | ".join(BLOCKS.values())
 
 
 def test_the_last_of_several_threads_to_leave_lifts_the_limit() -> None:

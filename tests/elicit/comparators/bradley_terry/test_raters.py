@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy import stats
-from scipy.special import expit, logit, logsumexp
+from scipy.special import betaln, expit, logit, logsumexp
 
 import qlearn
 from benchmarks.people.raters import moved
@@ -65,11 +65,12 @@ def plain_metropolis(
         middle, log_c = expit(at[:, 0]), at[:, 1 : 1 + r]
         lapse, share = expit(at[:, 1 + r : 1 + 2 * r]), expit(at[:, 1 + 2 * r :])
         # in the logit of e2, so each density is multiplied by e2 (1 - e2)
-        logs = [
-            stats.beta.logpdf(middle, a, a) + np.log(weight)
-            for a, weight in zip(shapes, ends, strict=True)
-        ]
-        total = logsumexp(logs, axis=0) + np.log(middle) + np.log1p(-middle) + law.logpdf(log_c)
+        # the density of Beta(a, a) at e2, for all shapes a at once
+        both = np.log(middle) + np.log1p(-middle)
+        logs = (
+            np.multiply.outer(shapes - 1, both) + (np.log(ends) - betaln(shapes, shapes))[:, None]
+        )
+        total = logsumexp(logs, axis=0) + both + law.logpdf(log_c)
         total += (np.log(lapse) + 4 * np.log1p(-lapse)).sum(axis=1)
         total += (np.log(share) + np.log1p(-share)).sum(axis=1)
         for row, verdict, who in zip(tails, answers.y, answers.who, strict=True):

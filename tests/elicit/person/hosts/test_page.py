@@ -16,6 +16,11 @@ from tests.browser_cases import LABELS, QUESTIONS, Listed, bags, browser, execut
 
 WIDE = {"width": 1100, "height": 760}
 NARROW = {"width": 390, "height": 844}
+# the quarter of a second in which no button works is a short one
+HURRY = """
+const later = setTimeout
+window.setTimeout = (done, ms) => later(done, ms < 300 ? ms / 10 : ms)
+"""
 CONFLICTING = (
     "4 recovered and 6 died rather than 10 moderate",
     "10 moderate as good as 5 recovered and 5 died",
@@ -37,11 +42,18 @@ class Windows:
         self._chromium = chromium
         self._context: Any = None
 
-    def open(self, server: Any, size: dict[str, int] = WIDE, **how: Any) -> Any:
+    def open(
+        self, server: Any, size: dict[str, int] = WIDE, *, hurry: bool = True, **how: Any
+    ) -> Any:
         """A window of the page. The first one of a server is let in by its address; later ones have
-        the cookie.
+        the cookie. Its pauses are short, unless ``hurry`` is False.
         """
-        self._context = self._context or self._chromium.new_context(viewport=size, **how)
+        if self._context is None:
+            self._context = self._chromium.new_context(
+                viewport=size, reduced_motion="reduce", **how
+            )
+            if hurry:
+                self._context.add_init_script(HURRY)
         page = self._context.new_page()
         page.set_viewport_size(size)
         page.set_default_timeout(5000)
@@ -79,6 +91,14 @@ def at(page: Any, name: str) -> None:
 
 def click(page: Any, choice: str) -> None:
     page.click(f"[data-choice='{choice}']")
+
+
+def answer(page: Any, choice: str) -> None:
+    """Answer, and wait until something else is there and takes answers."""
+    was = page.inner_text(".place b")
+    click(page, choice)
+    page.wait_for_function("was => document.querySelector('.place b').innerText != was", arg=was)
+    page.wait_for_selector(".sheet:not([aria-busy]) .body button:enabled")
 
 
 def start(page: Any) -> None:
@@ -185,7 +205,7 @@ def test_a_session_by_keyboard(windows: Windows) -> None:
 
 def test_keys_that_are_held_or_meant_for_something_else_do_not_answer(windows: Windows) -> None:
     with served(windows.log) as server:
-        page = windows.open(server)
+        page = windows.open(server, hurry=False)
         practise(page)
         for key in (
             "Control+a",
@@ -572,16 +592,12 @@ def test_a_conflict_an_offer_and_an_early_end_are_open_to_everybody_and_fit(
         page = windows.open(server, size, **how)
         check()
         practise(page)
-        click(page, "b" if truthfully(page) == "a" else "a")  # worse than 4 in 10
-        stage(page, "question")
-        page.wait_for_selector("h1:has-text('Question 2')", state="attached")
-        click(page, truthfully(page))
-        page.wait_for_selector("h1:has-text('Question 3')", state="attached")
-        name(page, "What the levels mean").count()
+        answer(page, "b" if truthfully(page) == "a" else "a")  # worse than 4 in 10
+        at(page, "Question 2")
+        answer(page, truthfully(page))
+        at(page, "Question 3")
         for _ in range(3):
-            at(page, page.inner_text(".place b"))
-            click(page, "cannot tell")
-            page.wait_for_timeout(400)
+            answer(page, "cannot tell")
         stage(page, "offer")
         check()
         name(page, "Finish now and show the result").click()
@@ -602,8 +618,7 @@ def contradicts(page: Any) -> None:
         rows = " ".join(page.locator(".card").first.inner_text().split())
         moderate_is_a = "10 moderate" in rows
         worse = "4 recovered" in page.inner_text(".pair").replace("\n", " ")
-        click(page, "a" if moderate_is_a != worse else "b")
-        page.wait_for_timeout(500)
+        answer(page, "a" if moderate_is_a != worse else "b")
 
 
 @pytest.mark.parametrize("size", [WIDE, pytest.param(NARROW, marks=pytest.mark.slow)])
@@ -651,10 +666,10 @@ def test_single_letters_can_be_switched_off_and_stay_off(windows: Windows) -> No
         page.reload()
         at(page, "Question 1")
         page.keyboard.press("a")
-        page.wait_for_timeout(400)
         at(page, "Question 1")
         page.keyboard.press("ArrowLeft")
         at(page, "Question 2")
+    assert len(windows.entries()) == 1
 
 
 def test_a_name_and_the_minutes_are_sent_with_the_start(windows: Windows) -> None:
@@ -669,8 +684,7 @@ def test_a_name_and_the_minutes_are_sent_with_the_start(windows: Windows) -> Non
         start(page)
         click(page, "a")
         at(page, "Question 1")
-        click(page, "a")
-        page.wait_for_timeout(400)
+        answer(page, "a")
     assert AnswerLog.read(windows.log)[0].metadata["who"] == "Ann"
 
 
