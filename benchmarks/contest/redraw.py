@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -23,26 +24,28 @@ from elicit.catalogue import COMPARATORS, LOOKS
 from elicit.model.scale import Floats
 
 ENOUGH = 0.01
+FLOOR = 0.01  # percent: the picture shows no smaller loss
 SHOWN = (0, 1, 2, 3, 5, 8, 12, 20, 30)
 PLACES = {"initial": "from the start", "worst": "at the worst state"}
 OURS, PROVEN, RANDOM = "ours: posterior", "ours: polytope", "random pairs"
-AS_THEY_ARE = "ours: posterior, as they are"
 COMPARED = (3, 5, 10, 30)
 BESIDE_FEW = ("expected utility (EVOI, EUBO)", PROVEN, OURS, RANDOM)
-DRAWN = {  # in the picture, with a colour
-    PROVEN: COMPARATORS["polytope"].color,
-    OURS: COMPARATORS["posterior"].color,
-    AS_THEY_ARE: COMPARATORS["posterior"].color,
-    "minimax regret: current solution": "tab:blue",
-    "expected utility (EVOI, EUBO)": "gold",
-    "polyhedral (Toubia)": "tab:green",
-    "IDRL": "tab:purple",
-    "APReL: mutual information": "black",
-    "Gaussian process (Zintgraf)": "tab:olive",
-    "policy comparisons (Shao)": "tab:brown",
-    "bisection of each level": "tab:cyan",
-    RANDOM: LOOKS["random questions"]["color"],
+BANDED = 0.16  # opacity of a band
+DRAWN = {  # in the picture: a colour, a style of line, and whether there is a band
+    PROVEN: (COMPARATORS["polytope"].color, "-", True),
+    OURS: (COMPARATORS["posterior"].color, "-", True),
+    "expected utility (EVOI, EUBO)": ("goldenrod", "-", True),
+    RANDOM: (LOOKS["random questions"]["color"], "-", True),
+    "minimax regret: current solution": ("tab:blue", "-", False),
+    "polyhedral (Toubia)": ("tab:green", "-", False),
+    "IDRL": ("tab:purple", "--", False),
+    "APReL: mutual information": ("black", "--", False),
+    "Gaussian process (Zintgraf)": ("tab:olive", "--", False),
+    "policy comparisons (Shao)": ("tab:brown", ":", False),
+    "bisection of each level": ("tab:cyan", ":", False),
 }
+BARS = (5, 10, 20)
+"""Answers after which a line without a band has a bar, its 95% interval."""
 
 
 def curves(frame: pd.DataFrame, place: str) -> Floats:
@@ -391,7 +394,10 @@ def made_of() -> str:
 
 
 def draw(frame: pd.DataFrame, path: Path) -> None:
-    """Draw the mean loss against answers, with 95% bands: a column a tutor, a row a place."""
+    """Draw the mean loss against answers: a column a tutor, a row a place.
+
+    Four methods have 95% bands, the others 95% bars after some numbers of answers.
+    """
     import matplotlib
 
     matplotlib.use("Agg")
@@ -399,37 +405,46 @@ def draw(frame: pd.DataFrame, path: Path) -> None:
 
     shared = common(frame)
     tutors = list(dict.fromkeys(shared["tutor"]))
-    with plt.rc_context({"svg.hashsalt": "contest", "svg.fonttype": "none", "font.size": 9}):
-        figure, axes = plt.subplots(2, len(tutors), figsize=(3.4 * len(tutors), 6.4), sharex=True)
+    with plt.rc_context({"svg.hashsalt": "contest", "svg.fonttype": "none", "font.size": 10}):
+        size = (3.4 * len(tutors), 8.4)
+        figure, axes = plt.subplots(2, len(tutors), figsize=size, sharex=True, sharey=True)
         for row, (place, words) in enumerate(PLACES.items()):
             for column, tutor in enumerate(tutors):
                 ax, part = axes[row, column], shared[shared["tutor"] == tutor]
-                for method, colour in DRAWN.items():
+                for at, method in enumerate(DRAWN):
                     losses = curves(part[part["method"] == method], place)
-                    if not len(losses):
-                        continue
-                    mean, n = losses.mean(axis=0), np.arange(losses.shape[1])
-                    half = stats.t.ppf(0.975, len(losses) - 1) * stats.sem(losses, axis=0)
-                    wide = 2.2 if method.startswith("ours") else 1.1
-                    style = "--" if method == AS_THEY_ARE else "-"
-                    mean = np.maximum(mean, 1e-3)
-                    ax.plot(n, mean, style, color=colour, label=method, linewidth=wide)
-                    low, high = np.maximum(mean - half, 1e-3), np.maximum(mean + half, 1e-3)
-                    ax.fill_between(n, low, high, color=colour, alpha=0.08, linewidth=0)
-                ax.set(yscale="log", ylim=(0.01, 30), xlim=(0, len(n) - 1))
-                ax.axhline(100 * ENOUGH, color="0.6", linewidth=0.6, linestyle=":")
+                    if len(losses):
+                        _draw_line(ax, method, losses, 0.06 * (at - len(DRAWN) / 2))
+                ax.set(yscale="log", ylim=(FLOOR, 30), xlim=(0, 30))
+                ax.axhline(100 * ENOUGH, color="0.5", linewidth=0.8, linestyle=(0, (1, 2)))
                 ax.spines[["top", "right"]].set_visible(False)
                 if not row:
                     ax.set_title(tutor)
                 else:
                     ax.set_xlabel("answers")
             axes[row, 0].set_ylabel(f"loss {words}\n(% of the value range)")
+            axes[row, 0].set_yticks([0.01, 0.1, 1, 10], ["0.01", "0.1", "1", "10"])
         handles, labels = axes[0, tutors.index("truthful")].get_legend_handles_labels()
         figure.legend(handles, labels, loc="lower center", ncols=4, frameon=False)
         figure.tight_layout(rect=(0, 0.1, 1, 1))
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, metadata={"Date": None})
         plt.close(figure)
+
+
+def _draw_line(ax: Any, method: str, losses: Floats, aside: float) -> None:
+    """Draw one mean, and its 95% band or some bars, which stand aside of each other."""
+    colour, style, banded = DRAWN[method]
+    mean, n = losses.mean(axis=0), np.arange(losses.shape[1])
+    half = stats.t.ppf(0.975, len(losses) - 1) * stats.sem(losses, axis=0)
+    low, high = (np.maximum(each, FLOOR / 10) for each in (mean - half, mean + half))
+    wide = 2.4 if method.startswith("ours") else 1.3
+    ax.plot(n, np.maximum(mean, FLOOR / 10), style, color=colour, label=method, linewidth=wide)
+    if banded:
+        ax.fill_between(n, low, high, color=colour, alpha=BANDED, linewidth=0)
+    else:
+        places = np.array(BARS)
+        ax.vlines(places + 4 * aside, low[places], high[places], color=colour, linewidth=0.9)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

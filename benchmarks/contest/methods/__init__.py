@@ -29,8 +29,8 @@ class Entry(NamedTuple):
     ``claims`` names the loss that it says is at most 1%, or is empty. ``promises`` is the chance
     with which it says so of a tutor who errs, which takes many runs to judge; 0 for no promise.
     ``only`` is the one tutor that it takes part with, if it is made for no other. ``runs`` is how
-    many runs of each problem and tutor a slow method plays at most, 0 for no limit. ``needs`` is a
-    package that it imports, and that this project does not require.
+    many runs of each problem and tutor a slow method plays, one in every four; 0 for all of them.
+    ``needs`` is a package that it imports, and that this project does not require.
     """
 
     make: Callable[[], Method]

@@ -256,6 +256,31 @@ def test_policy_comparisons_find_every_ratio():
         assert high - low <= 0.0201 or ratio == pytest.approx(1.0)
 
 
+def test_policy_comparisons_take_as_many_questions_as_binary_search():
+    """The authors promise so many: a logarithm for each basis policy, one for each objective."""
+    mdp = problems.problem("fishery", 1)
+    method = PolicyComparisons()
+    run = played(method, "fishery", 1, 60)
+    p, ratios = mdp.k - 1, len(method._basis) - 1
+    halvings = int(np.ceil(np.log2(2.0 / 0.02)))  # from 0..2 to 0.01 either way
+    assert 0 < run["done"] <= p - 1 + ratios * (1 + halvings)
+
+
+def test_both_sides_of_a_polyhedral_question_are_equally_good_for_the_centre():
+    mdp, values = (
+        problems.problem("fishery", 1),
+        problems.scale(problems.problem("fishery", 1).k, 1),
+    )
+    method, tutor = Polyhedral(), elicit.TruthfulTutor(values)
+    method.start(mdp, TRUTHFUL, 0)
+    apart = []
+    for n in range(8):
+        left, right = method.question()
+        apart.append(abs(tails_of(left - right) @ method._centre))
+        method.tell(int(tutor(elicit.Query.make("x", n, left, right)).verdict))
+    assert np.median(apart) < 1e-9
+
+
 def test_the_centre_of_the_polyhedral_method_is_that_of_the_polytope():
     method, gaps = after(Polyhedral(), "fishery", 1, 4)
     d = np.column_stack([method._rows, np.zeros(len(method._rows))])
