@@ -314,8 +314,14 @@ def report_lines(screen: dict[str, Any], width: int) -> list[str]:
         )
     if end["by_chance"]:
         lines.append(end["by_chance"])
-    cautions = (end["caution"], *end["remarks"])
-    said = (end["headline"], *cautions, end["sure"], end["before"], end["next"])
+    said = (
+        end["headline"],
+        end["caution"],
+        end["sure"],
+        end["before"],
+        *end["remarks"],
+        end["next"],
+    )
     lines += [sentence for sentence in said if sentence]
     if end["scale"]:
         rows = [ScaleRow(**row) for row in end["scale"]]
