@@ -7,7 +7,6 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from elicit._support.distribution import version
 from elicit.model.difference import tail_sums
 from elicit.model.pairs import same_pairs
 from elicit.model.query import Query, Verdict
-from elicit.person.asker import Asker, Compares, Supposed
+from elicit.person.asker import Compares, Supposed
 from elicit.person.course.choices import Choices
 from elicit.person.course.conclusion import Conclusion, SessionFacts, in_unit
 from elicit.person.course.conduct import Conduct, choice_of
@@ -24,6 +23,7 @@ from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
 from elicit.person.course.further import known_question, level_question
 from elicit.person.course.pace import Pace
+from elicit.person.course.start import Before, Start
 from elicit.person.findings import asked_levels, certainty, scale_rows
 from elicit.person.outlook import Prospect
 from elicit.person.report import ReportDetails, report_page
@@ -92,24 +92,6 @@ class Subject:
     facts: SessionFacts = field(default_factory=SessionFacts)
 
 
-@dataclass(frozen=True, eq=False)
-class Start:
-    """A session before its first answer, of which only what is needed is computed."""
-
-    asker: Asker
-
-    @cached_property
-    def loss(self) -> float | None:
-        """The share of the value range that could be lost, or None if unknown."""
-        loss = getattr(self.asker.result(), "loss_bound", None)
-        return float(loss) if isinstance(loss, float) and not np.isnan(loss) else None
-
-    @cached_property
-    def finished(self) -> bool:
-        """True if nothing needs asking."""
-        return not self.asker.ask()
-
-
 class Drawing:
     """Parts of the screens of an interview that only read its session.
 
@@ -121,7 +103,7 @@ class Drawing:
 
     def __init__(self, session: Session, subject: Subject) -> None:
         self._session, self._subject = session, subject
-        self._start: Start | None = None  # computed when it is first needed
+        self._start: Start | Before | None = None  # found when it is first needed
         self._found: tuple[tuple[int, int], tuple[tuple[Entry, ...], ...]] | None = None
         self._chosen = Choices.of(session.log.asked)
 
@@ -158,16 +140,19 @@ class Drawing:
         most = in_unit(loss, words.unit, self._subject.labels, words.loss)
         return f"Before your first answer, the result could lose as much as {most}."
 
-    def _at_start(self) -> Start | None:
-        """Return the session before its first answer, or None if its asker cannot be made anew."""
+    def _at_start(self) -> Start | Before | None:
+        """Return what was known before the first answer, or None if it can no longer be found."""
+        facts = self._subject.facts.of
+        if self._start is None and facts:
+            self._start = Before.kept(self._session.log.asked, facts)
         if self._start is None:
             empty = not any(not entry.retracted for entry in self._session.log)
             asker = self._session.current_asker() if empty else self._session.at_start()
             if asker is None:
                 return None
-            self._start = Start(asker)
+            self._start = start = Start(asker)
             if empty:  # the asker goes on
-                _ = self._start.loss, self._start.finished
+                _ = start.loss, start.finished
         return self._start
 
     def _conflicts_found(self) -> tuple[tuple[Entry, ...], ...]:
@@ -410,9 +395,10 @@ class Drawing:
         caution = conduct.caution(at_end=True) if subject.least else None
         headline, after, said = found.headline, found.next, [*found.statements]
         start = self._at_start() if found.headline else None
-        sure, changes = found.sure, found.changes
+        sure, before, changes = found.sure, found.before, found.changes
         if not conduct.with_verdict and start is not None and not start.finished:
             sure, changes = "", None  # there is nothing yet that could hold or change
+            before = "" if start.loss is None else self._before(start.loss)
             headline = (
                 "You have not said yet which is better, so nothing is known about your values."
             )
@@ -422,7 +408,9 @@ class Drawing:
         elif found.headline and caution is not None:
             headline = "Do not rely on this result."
             after = "Take back what you do not mean, or answer more questions."
-            said.append(f"If every answer is meant as it was given: {found.headline}")
+            if_meant = f"If every answer is meant as it was given: {found.headline} {found.sure}"
+            said.append(if_meant.strip())
+            sure = before = ""
         scale = (
             []
             if known is None
@@ -432,7 +420,7 @@ class Drawing:
             "headline": printable(headline),
             "sure": printable(sure),
             "next": printable(after),
-            "before": printable(found.before),
+            "before": printable(before),
             "caution": caution,
             "remarks": self._remarks() if subject.least else [],
             "settled": found.settled and caution is None and enough,

@@ -136,6 +136,7 @@ from elicit.person.course.consequences import Consequences
 from elicit.person.course.further import LEVEL, level_question, order_question
 from elicit.person.course.pace import FEW_HASTY, Pace
 from elicit.person.course.progress import Progress
+from elicit.person.course.start import START, Start
 from elicit.person.drawing import MINUTES, Drawing, legend_of, shown_of
 from elicit.person.drawing import Subject as Subject
 from elicit.person.look_ahead import LookAhead
@@ -477,8 +478,12 @@ class Interview(Drawing, Closing):
                 self._log_shown(shown)
 
     def _log_shown(self, shown: Shown) -> None:
-        """Log the question that is put now, and the person's choices if they changed."""
+        """Log the question that is put now, the person's choices if they changed, and the start."""
         changed = {CHOICES: self._chosen.record()} if self._chosen != self._kept else {}
+        start, facts = self._start, self._subject.facts.of
+        if facts and isinstance(start, Start) and (before := start.computed()):
+            changed[START] = before.record(facts)
+            self._start = before
         self._session.shown(shown.id, shown.swapped, shown=shown.record(), **changed)
         self._put, self._kept = shown.id, replace(self._chosen)
 

@@ -158,12 +158,15 @@ def _headline(end: Mapping[str, Any]) -> Iterator[str]:
     """Return the conclusion: what was found, how sure it is, and what could be lost before."""
     if end.get("headline"):
         yield f'<p class="headline">{escaped(end["headline"])}</p>'
-    for said in (end.get("caution"), *end.get("remarks", ())):
-        if said:
-            yield f'<p class="caution">{escaped(said)}</p>'
-    for name in ("sure", "before", "next"):
+    if end.get("caution"):
+        yield f'<p class="caution">{escaped(end["caution"])}</p>'
+    for name in ("sure", "before"):
         if end.get(name):
             yield f"<p>{escaped(end[name])}</p>"
+    for said in end.get("remarks", ()):
+        yield f'<p class="caution">{escaped(said)}</p>'
+    if end.get("next"):
+        yield f"<p>{escaped(end['next'])}</p>"
 
 
 def _changes(changes: Mapping[str, Any]) -> Iterator[str]:

@@ -121,7 +121,7 @@ def merge(files: list[Path], out: Path, salvage: bool) -> int:
     try:
         merge_logs(logs, out)
     except (ValueError, OSError) as error:
-        return fail(str(error))
+        return fail(error)
     print(f"written to {out}: {sum(map(len, logs))} answers of {len(logs)} logs", end="")
     print(
         "; what stood behind the damage is not among them, also where it withdrew an answer"
@@ -144,7 +144,7 @@ def export(files: list[Path], out: Path | None) -> int:
         if answers is not None:
             answers.to_csv(sys.stdout if out is None else out)
     except (ValueError, OSError) as error:
-        return fail(str(error))
+        return fail(error)
     return 0
 
 
@@ -166,7 +166,7 @@ def _read(path: Path) -> tuple[AnswerLog | None, list[BadLog | OSError]]:
 def _complain(faults: list[BadLog | OSError]) -> int:
     code = 0
     for fault in faults:
-        code = fail(str(fault))
+        code = fail(fault)
     return code
 
 

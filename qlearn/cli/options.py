@@ -21,8 +21,11 @@ KEPT = (
 EXTRAS = ("joblib", "matplotlib", "pandas", "tqdm")
 
 
-def fail(message: str) -> int:
-    """Say it on the error stream; returns the exit code."""
+def fail(why: str | BaseException) -> int:
+    """Say a message, or an error in words, on the error stream; returns the exit code."""
+    from elicit._support.file_errors import in_words
+
+    message = why if isinstance(why, str) else in_words(why)
     print(f"qlearn: {message}", file=sys.stderr)
     return 1
 
@@ -116,7 +119,7 @@ def frame_of(
     # a problem's package is missing; a setting that cannot be; a journal that is in use, or not to
     # be written
     except (ImportError, ValueError, OSError) as error:
-        return None, fail(str(error))
+        return None, fail(error)
     except BrokenExecutor:
         return None, fail(
             "a process that computed a run died (killed, or out of memory?); the runs that had "

@@ -90,7 +90,7 @@ def run(
     except BrokenPipeError:  # which ends the command quietly
         raise
     except (ImportError, ValueError, OSError) as error:
-        return fail(str(error))
+        return fail(error)
     return 0
 
 

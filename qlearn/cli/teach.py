@@ -295,7 +295,7 @@ def run(
         # a package is missing, a problem cannot be, a log is in use, damaged, another's, or not to
         # be written
         except (ImportError, ValueError, OSError) as error:
-            return fail(str(error))
+            return fail(error)
         except KeyboardInterrupt:
             return 130
         if questions is not None:
@@ -418,6 +418,8 @@ def _ask_words(table: Path) -> None:
     Nothing is asked or written if nobody is there to ask, and nothing is written if every line is
     empty.
     """
+    from elicit._support.file_errors import in_words
+
     beside = table.with_suffix(".words.json")
     if not sys.stdin.isatty() or not table.exists() or beside.exists():
         return
@@ -432,7 +434,7 @@ def _ask_words(table: Path) -> None:
     try:
         beside.write_text(json.dumps(said, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     except OSError as error:
-        print(f"This was not written down: {error}.")
+        print(f"This was not written down: {in_words(error)}.")
     else:
         print(f"Written to {beside}, where you can change it.")
 
@@ -475,7 +477,7 @@ def _served(session: Session, subject: Subject, again: str, how: SessionOptions)
         )
     # a package is missing, an address lets others in, a port is in use
     except (ImportError, ValueError, OSError) as error:
-        return fail(str(error))
+        return fail(error)
     kept = sum(not entry.retracted and not entry.repeat for entry in session.log)
     print(
         f"Kept: {kept} answer{'' if kept == 1 else 's'}. To go on:\n  {printable(again)}",

@@ -69,7 +69,7 @@ def run_study(
         # a package is missing, a problem cannot be, a log is in use, damaged, another's, or not to
         # be written, an address lets others in, a port is in use
         except (ImportError, ValueError, OSError) as error:
-            return fail(str(error))
+            return fail(error)
         except KeyboardInterrupt:
             return 130
         kept = ", ".join(f"{who} {_answers(session)}" for who, session in sessions.items())

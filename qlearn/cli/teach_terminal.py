@@ -10,6 +10,7 @@ import time
 from collections.abc import Sequence
 from typing import Any, Literal
 
+from elicit._support.file_errors import in_words
 from elicit.person.findings import ScaleRow
 from elicit.person.interview import Interview, Subject
 from elicit.person.session import Session
@@ -69,9 +70,8 @@ class Terminal:
                 self._say("")
                 code = self._leave(130)
             except (OSError, BadLog) as error:
-                return fail(
-                    f"stopped: {error}. What was answered before is kept; to go on: {self._again}"
-                )
+                kept = f"What was answered before is kept; to go on: {self._again}"
+                return fail(f"stopped: {in_words(error)}. {kept}")
             return code
 
     def _ask_all(self) -> int:
@@ -314,8 +314,14 @@ def report_lines(screen: dict[str, Any], width: int) -> list[str]:
         )
     if end["by_chance"]:
         lines.append(end["by_chance"])
-    cautions = (end["caution"], *end["remarks"])
-    said = (end["headline"], *cautions, end["sure"], end["before"], end["next"])
+    said = (
+        end["headline"],
+        end["caution"],
+        end["sure"],
+        end["before"],
+        *end["remarks"],
+        end["next"],
+    )
     lines += [sentence for sentence in said if sentence]
     if end["scale"]:
         rows = [ScaleRow(**row) for row in end["scale"]]

@@ -13,6 +13,7 @@ from typing import Any
 
 from anywidget import AnyWidget
 
+from elicit._support.file_errors import in_words
 from elicit.person.interview import Interview, Subject
 from elicit.person.session import Session
 from elicit.person.showing import printable
@@ -109,7 +110,7 @@ class InterviewWidget(AnyWidget):  # type: ignore[misc, unused-ignore]  # ipywid
             ValueError,
             OSError,
         ) as error:  # what a session or its log raises: the same may be sent again
-            said = {"error": str(error)}
+            said = {"error": in_words(error)}
         except Exception as error:
             self.send({"id": content["id"], "error": f"{type(error).__name__}: {error}"})
             raise

@@ -335,6 +335,27 @@ def test_a_budget_is_said_once_and_the_person_can_go_on() -> None:
             assert said in html
 
 
+def test_what_could_be_lost_before_the_first_answer_is_read_from_the_log(tmp_path: Any) -> None:
+    path, ends = tmp_path / "log.jsonl", []
+    for program in range(2):
+        told, made = taught(), []
+
+        def make(known: Any, told: Taught = told, made: list[int] = made) -> Any:
+            made.append(len(known))
+            return told.make(known)
+
+        with (
+            Session(make, path, audit=0.1) as session,
+            Interview(session, told.subject) as interview,
+        ):
+            if not program:
+                Person(interview, truthful(np.array([0, 0.2, 0.45, 0.7, 1.0]))).until("question")
+            ends.append(interview.handle({"do": "finish"})["end"])
+            assert made == [0]  # no second asker for what was known before the first answer
+    assert ends[0] == ends[1]
+    assert ends[0]["before"].startswith("Before your first answer")
+
+
 def test_who_stops_early_is_not_told_that_the_plan_is_settled() -> None:
     told = taught(tolerance=0.1)
     with (

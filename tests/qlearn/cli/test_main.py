@@ -401,3 +401,32 @@ def test_a_missing_extra_is_named(
     monkeypatch.setattr(builtins, "__import__", without)
     assert cli.main(["ablate", "--out", str(tmp_path)]) == 1
     assert "tqdm is not installed: pip install 'elicit-qlearn[ablation]'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ("teach --problem none.csv", "there is no file none.csv: check the name"),
+        ("teach --problem care.csv --log no/log.jsonl", "there is no folder no for log.jsonl"),
+        ("teach --problem care.csv --like none.jsonl", "there is no file {}none.jsonl: check"),
+        ("result none.jsonl", "there is no file none.jsonl: check the name"),
+        ("report none.jsonl other.jsonl", "there is no file none.jsonl: check the name"),
+        ("log show none.jsonl", "there is no file none.jsonl: check the name"),
+        ("log check no/none.jsonl", "there is no folder no for none.jsonl"),
+        ("log export none.jsonl", "there is no file none.jsonl: check the name"),
+        ("log merge none.jsonl --out new.jsonl", "there is no file none.jsonl: check the name"),
+    ],
+)
+def test_a_missing_file_is_said_in_words(
+    options: str,
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("care.csv").write_text("name,died,ill,well\nold,2,3,5\nnew,3,1,6\n")
+    assert cli.main(options.split()) == 1
+    errors = capsys.readouterr().err
+    assert f"qlearn: {said.format(f'{tmp_path}/')}" in errors
+    assert "Errno" not in errors

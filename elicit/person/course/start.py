@@ -1,0 +1,89 @@
+"""What was known before the first answer: the loss that was possible, and if anything was open.
+
+It takes a second to compute where the problem is large, so the log keeps it, as metadata of a line
+that says which question was asked. A program that does not know it reads such a log as before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from elicit.person.asker import Asker
+from elicit.tutors.answer_log import Asked
+
+START = "start"
+"""The metadata of an asked question: what was known before the first answer."""
+
+
+class Before(NamedTuple):
+    """What was known before the first answer.
+
+    Attributes
+    ----------
+    loss
+        The share of the value range that could be lost, or None if unknown.
+    finished
+        True if nothing needed asking.
+    """
+
+    loss: float | None
+    finished: bool
+
+    @staticmethod
+    def kept(asked: Iterable[Asked], facts: Sequence[tuple[str, str]]) -> Before | None:
+        """Return what a log keeps of a session with these facts, or None if it keeps nothing.
+
+        Parameters
+        ----------
+        asked : iterable of Asked
+        facts : sequence of pairs
+            All that it depends on, such as the problem and the comparator.
+        """
+        by = _as_json(facts)
+        for one in asked:
+            kept = one.metadata.get(START)
+            if not isinstance(kept, Mapping) or kept.get("by") != by:
+                continue
+            loss, finished = kept.get("loss"), kept.get("finished")
+            if isinstance(finished, bool) and (loss is None or type(loss) is float):
+                return Before(loss, finished)
+        return None
+
+    def record(self, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
+        """Return it as JSON, with the facts that it depends on."""
+        return {**self._asdict(), "by": _as_json(facts)}
+
+
+def _as_json(facts: Sequence[tuple[str, str]]) -> list[list[str]]:
+    return [list(pair) for pair in facts]
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A session before its first answer, of which only what is needed is computed.
+
+    It has what ``Before`` has.
+    """
+
+    asker: Asker
+
+    @cached_property
+    def loss(self) -> float | None:
+        """The share of the value range that could be lost, or None if unknown."""
+        loss = getattr(self.asker.result(), "loss_bound", None)
+        return float(loss) if isinstance(loss, float) and not np.isnan(loss) else None
+
+    @cached_property
+    def finished(self) -> bool:
+        """True if nothing needs asking."""
+        return not self.asker.ask()
+
+    def computed(self) -> Before | None:
+        """Return all of it if all of it was computed, otherwise None."""
+        both = "loss" in vars(self) and "finished" in vars(self)
+        return Before(self.loss, self.finished) if both else None
