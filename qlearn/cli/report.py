@@ -69,7 +69,7 @@ def run(
 ) -> int:
     """The command; returns the exit code."""
     from elicit import AnswerLog
-    from qlearn.cli.teach_subjects import taught_by
+    from qlearn.cli.teach_subjects import taught_again
 
     try:
         if len(logs) < 2:
@@ -82,15 +82,8 @@ def run(
         recipe = _common_recipe(
             named, {"problem": problem, "comparator": comparator, "tolerance": tolerance}
         )
-        taught = taught_by(
-            problem_parser(recipe["problem"]) if problem is None else problem,
-            recipe.get("comparator", "posterior"),
-            recipe.get("days", 10),
-            recipe.get("unit"),
-            recipe.get("seed", 0),
-            recipe.get("tolerance", 0.01),
-            recipe.get("like", ()) if recipe.get("comparator") in (None, "posterior") else (),
-        )
+        recipe["problem"] = problem_parser(recipe["problem"]) if problem is None else problem
+        taught = taught_again(recipe)
         _write(out, taught, named, recipe)
     except BrokenPipeError:  # which ends the command quietly
         raise

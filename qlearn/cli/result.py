@@ -59,22 +59,17 @@ def run(
 ) -> int:
     """The command; returns the exit code."""
     from elicit import AnswerLog, Interview, Session
-    from qlearn.cli.teach_subjects import taught_by
+    from qlearn.cli.teach_subjects import taught_again
     from qlearn.cli.teach_terminal import say_report
 
     try:
         recipe = dict(AnswerLog.read(log).header.get(RECIPE, {}))
         if problem is None and "problem" not in recipe:
             return fail(NO_RECIPE.format(log))
-        taught = taught_by(
-            problem_parser(recipe["problem"]) if problem is None else problem,
-            comparator or recipe.get("comparator", "posterior"),
-            recipe.get("days", 10),
-            recipe.get("unit"),
-            recipe.get("seed", 0),
-            recipe.get("tolerance", 0.01) if tolerance is None else tolerance,
-            recipe.get("like", ()) if comparator in (None, "posterior") else (),
-        )
+        recipe["problem"] = problem_parser(recipe["problem"]) if problem is None else problem
+        given = {"comparator": comparator, "tolerance": tolerance}
+        recipe |= {name: value for name, value in given.items() if value is not None}
+        taught = taught_again(recipe)
         with tempfile.TemporaryDirectory() as folder:
             # a session may mark answers as unused: that is done to a copy
             copy = Path(shutil.copy(log, folder))

@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
@@ -76,6 +76,23 @@ class Taught:
     hint: str = ""
     plan: Callable[[Comparator, int], str] | None = None
     following: Callable[[Panel], Following] | None = None
+
+
+def taught_again(recipe: Mapping[str, Any]) -> Taught:
+    """Return the subject of a recipe, the settings that ``qlearn teach`` keeps in a log's header.
+
+    Settings that it leaves out are as ``qlearn teach`` has them.
+    """
+    comparator = recipe.get("comparator", "posterior")
+    return taught_by(
+        recipe["problem"],
+        comparator,
+        recipe.get("days", 10),
+        recipe.get("unit"),
+        recipe.get("seed", 0),
+        recipe.get("tolerance", 0.01),
+        recipe.get("like", ()) if comparator == "posterior" else (),
+    )
 
 
 def taught_by(

@@ -67,7 +67,10 @@ def test_the_quick_run_has_every_method_and_small_errors(tmp_path):
     for name, solves, _, _, error, decided, _, remark in rows:
         assert (error == "") == ("Comparator" in name)
         assert float(error or 0) < allowed(name)
-        assert 10 < float(decided.rstrip("%")) < 90
+        # a resample that one scale explains without error has no maximum without a ridge, and then
+        # nothing may be decided
+        share = float(decided.rstrip("%"))
+        assert 10 < share < 90 or (solves == "no ridge" and "failed" in remark and share == 0)
         assert ("fits run" in remark) == ("GLM" in name or "Logit" in name or "cvxpy" in name)
         assert solves in {
             "ridge",
