@@ -12,6 +12,7 @@ if TYPE_CHECKING:
         BradleyTerryComparator,
         NotConverged,
     )
+    from elicit.comparators.bradley_terry.open_order_posterior import OpenOrderPosterior
     from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
     from elicit.comparators.panel import Panel
     from elicit.comparators.polytope.comparator import PolytopeComparator
@@ -51,6 +52,7 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
         "BradleyTerryComparator",
         "NotConverged",
     ],
+    "elicit.comparators.bradley_terry.open_order_posterior": ["OpenOrderPosterior"],
     "elicit.comparators.bradley_terry.particle_comparator": ["PosteriorComparator"],
     "elicit.comparators.panel": ["Panel"],
     "elicit.comparators.polytope.comparator": ["PolytopeComparator"],
@@ -124,6 +126,7 @@ __all__ = [
     "NotConverged",
     "NotInLog",
     "OpenOrderComparator",
+    "OpenOrderPosterior",
     "Panel",
     "PanelTutor",
     "PersonTutor",

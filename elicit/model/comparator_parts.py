@@ -88,7 +88,8 @@ _OPEN = "OpenOrderComparator"
 _POLYTOPES = ("PolytopeComparator", "RelaxedPolytopeComparator")
 _MODELS = ("PosteriorComparator", "BradleyTerryComparator")
 _DRAWING = (*_POLYTOPES, *_MODELS)
-_LEARNING = (*_DRAWING, _OPEN)
+_OPEN_MODEL = "OpenOrderPosterior"
+_LEARNING = (*_DRAWING, _OPEN, _OPEN_MODEL)
 _ALL = (*_LEARNING, "Dominance", "AlwaysAsk")
 
 OPTIONAL_PARTS = (
@@ -115,14 +116,14 @@ OPTIONAL_PARTS = (
         "plausible scales: gaps (k - 1, m), weights (m,), precisions (m,), or None for now",
         "Questions are chosen by it. Without it they are chosen by scales drawn from all ordered "
         "ones.",
-        (*_DRAWING, _OPEN, *_PANEL),
+        _LEARNING + _PANEL,
     ),
     Part(
         "TrustsDraws",
         "level",
         "beside `draws`, if the bounds depend on them: the weight of draws that a verdict needs",
         "The loss of a policy is bounded under that share of the draws.",
-        _MODELS + _PANEL,
+        (*_MODELS, _OPEN_MODEL, *_PANEL),
     ),
     Part(
         "StatesConfidence",
@@ -138,7 +139,7 @@ OPTIONAL_PARTS = (
         "the best guess",
         "`held_out` scores it, and policy iteration asks about magnified differences (`bags`). "
         "Without it there is no log-likelihood.",
-        _MODELS,
+        (*_MODELS, _OPEN_MODEL),
     ),
     Part(
         "MadeOfCells",
@@ -161,7 +162,7 @@ OPTIONAL_PARTS = (
         "lapse",
         "the share of answers given at random, 0 up to 1",
         "Questions are chosen by it. Without it 0 is taken.",
-        ("PosteriorComparator", "Panel"),
+        ("PosteriorComparator", _OPEN_MODEL, *_PANEL),
     ),
     Part(
         "AllowsTies",
@@ -222,7 +223,7 @@ OPTIONAL_PARTS = (
         "the two neighbouring levels, counted from 0, of which either may be the better",
         "`choose` and policy iteration go by its verdicts and bounds alone. Other learners refuse "
         "it. Without it the order of the levels is certain.",
-        (_OPEN,),
+        (_OPEN, _OPEN_MODEL),
     ),
 )
 """All optional parts. ``elicit.testing`` checks them, and docs/your-own-comparator.md is compared

@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.threads import one_thread
-from elicit._support.validation import is_whole, require
 from elicit.comparators.polytope.cells import agreed, log_volume
 from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.comparators.two_orders import filled_up, mean_scale, open_step, orders_of, together
 from elicit.decision.comparator_rule import Rule, unaided
 from elicit.decision.verdicts import decide, decide_by
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import TIE, Decisions, Verdicts, check_answers, check_levels
-from elicit.model.difference import as_differences, tail_sums
+from elicit.model.difference import as_differences
 from elicit.model.query import Answers, InconsistentAnswers, Verdict
 from elicit.model.scale import Floats
 
@@ -82,22 +82,11 @@ class OpenOrderComparator:
         tie: float = TIE,
     ) -> None:
         self.k = check_levels(k)
-        pair = sorted(unordered) if np.size(unordered) == 2 else []
-        neighbours = all(is_whole(level, 0) for level in pair) and np.diff(pair).tolist() == [1]
-        require(
-            neighbours and pair[-1] < k,
-            "unordered",
-            f"two neighbouring levels, such as (0, 1), below k = {k}",
-            unordered,
-        )
-        self.unordered = (int(pair[0]), int(pair[1]))
+        self.unordered = open_step(self.k, unordered)
         self.answers = Answers.none(self.k)
-        given = list(range(self.k))
-        other = given.copy()
-        other[pair[0]], other[pair[1]] = pair[1], pair[0]
         self._parts = tuple(
-            _Ordered(tuple(order), PolytopeComparator(k, margin, tie=tie))
-            for order in (given, other)
+            _Ordered(order, PolytopeComparator(k, margin, tie=tie))
+            for order in orders_of(self.k, self.unordered)
         )
         self.margin, self.tie = (getattr(self._parts[0].scales, name) for name in ("margin", "tie"))
 
@@ -121,15 +110,7 @@ class OpenOrderComparator:
         levels are worth the same in that mean, as two levels of unknown order are, it is the scale
         of the given order.
         """
-        weights = self._weights
-        mean = np.zeros(self.k)
-        for weight, part in zip(weights.tolist(), self._parts, strict=True):
-            mean[list(part.order)] += weight * part.scales.values
-        if mean.max() - mean.min() <= 1e-9 * weights.sum():
-            mean[list(self._parts[0].order)] = self._parts[0].scales.values
-        values: Floats = (mean - mean.min()) / (mean.max() - mean.min())
-        values.flags.writeable = False
-        return values
+        return mean_scale([(order, scales.values) for order, scales in self._parts], self._weights)
 
     @cached_property
     def _weights(self) -> Floats:
@@ -146,18 +127,8 @@ class OpenOrderComparator:
         The gap between the two levels is negative in one order. The draws serve to choose questions
         by probability. No proof depends on them.
         """
-        gaps, weights, precisions = [], [], []
         shares = self._weights / self._weights.sum()
-        for share, (order, scales) in zip(shares.tolist(), self._parts, strict=True):
-            own = scales.draws
-            values = np.zeros((self.k, own.gaps.shape[1]))
-            values[list(order[1:])] = np.cumsum(own.gaps, axis=0)
-            gaps.append(np.diff(values, axis=0))
-            weights.append(share * own.weights)
-            precisions.append(own.precision)
-        return Draws(
-            np.concatenate(gaps, axis=1), np.concatenate(weights), np.concatenate(precisions)
-        )
+        return together([(order, scales.draws) for order, scales in self._parts], shares)
 
     @one_thread
     def update(self, answers: Answers) -> OpenOrderComparator:
@@ -226,21 +197,14 @@ class OpenOrderComparator:
         return np.max(each, axis=0), 1.0
 
     def _rows(self, d: ArrayLike) -> Floats:
-        return _filled_up(as_differences(d, self.k))
-
-
-def _filled_up(d: Floats) -> Floats:
-    """Return differences (n, k) whose totals are 0: what is missing counts as time at level 1."""
-    rows = d.copy()
-    rows[:, 0] = -tail_sums(d)[:, 0]
-    return rows
+        return filled_up(as_differences(d, self.k))
 
 
 def _told(parts: Sequence[_Ordered], answers: Answers) -> list[_Ordered]:
     """Return the orders that allow the answers, each with what is known then."""
     left = []
     for order, scales in parts:
-        there = Answers(_filled_up(answers.d)[:, order], answers.y, answers.ids)
+        there = Answers(filled_up(answers.d)[:, order], answers.y, answers.ids)
         try:
             left.append(_Ordered(order, scales.update(there)))
         except InconsistentAnswers:

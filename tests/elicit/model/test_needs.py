@@ -9,6 +9,7 @@ from elicit import (
     Dominance,
     Needs,
     OpenOrderComparator,
+    OpenOrderPosterior,
     Panel,
     PolytopeComparator,
     PosteriorComparator,
@@ -24,6 +25,7 @@ OURS = (
     PosteriorComparator(4, seed=0),
     BradleyTerryComparator(4, seed=0),
     OpenOrderComparator(4),
+    OpenOrderPosterior(4, particles=200, seed=0),
     Dominance(4),
     AlwaysAsk(4),
     Panel({name: PosteriorComparator(4, seed=0) for name in ("ann", "ben")}),
@@ -41,7 +43,7 @@ def test_an_error_names_the_part_the_consumer_and_who_has_it():
         needs = Needs(required=("answers", "lapse"), used=("tie",))
 
     check_needs(PosteriorComparator(4, seed=0), Wants)
-    message = r"Polytope\w+ has no lapse, which Wants needs \(the share .*Comparator, Panel have"
+    message = r"Polytope\w+ has no lapse, which Wants needs \(the share .*Posterior, Panel have"
     with pytest.raises(TypeError, match=message):
         check_needs(PolytopeComparator(4), Wants)
     with pytest.raises(TypeError, match="Dominance has no answers, which Wants needs"):
