@@ -34,6 +34,7 @@ from qlearn.learners.value_iteration import InteractiveValueIteration, LateValue
 from qlearn.mdp.planning import evaluate_policy, policy_loss
 from qlearn.problems.random_mdp import random_mdp
 from tests.mdp_cases import messy_mdp
+from tests.thoroughness import quick_first
 
 Make = Callable[..., Any]
 LEARNERS = (
@@ -249,7 +250,7 @@ def asked_by(asker: Any, values: Floats, look: bool) -> list[str]:
     return ids
 
 
-@pytest.mark.parametrize("batch", [1, 3])
+@pytest.mark.parametrize("batch", quick_first([3, 1], 1))
 @pytest.mark.parametrize(
     "learner",
     [

@@ -249,6 +249,11 @@ def test_what_is_given_is_that_of_every_rater(settings: dict[str, Any]) -> None:
         assert (known.draws.gaps[1] >= known.draws.gaps[0] * (1 - 1e-9)).all()
     assert known.values[1] < 0.4
     assert 0.1 < known.acceptance < 0.9
+
+
+def test_raters_of_no_precision_are_right_as_a_coin_is() -> None:
+    people = {"ann": (30.0, 0.1, 0.05), "ben": (30.0, 0.1, 0.0)}
+    answers = told(40, people, np.array([0, 0.2, 0.6, 1]), seed=1)
     nothing = PosteriorComparator(4, precision=0.0, raters=True).update(answers)
     assert nothing.reliability()[None].right == pytest.approx(0.5)
 
