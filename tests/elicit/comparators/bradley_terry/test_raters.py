@@ -258,6 +258,15 @@ def test_raters_of_no_precision_are_right_as_a_coin_is() -> None:
     assert nothing.reliability()[None].right == pytest.approx(0.5)
 
 
+def test_a_step_goes_along_two_different_others_each_two_as_likely() -> None:
+    others = np.array([3, 5, 8])
+    u, v = (axis.ravel() for axis in np.meshgrid(np.arange(0.05, 1, 0.1), np.arange(0.05, 1, 0.1)))
+    first, second = raters._two_of(others, u, v)
+    assert (first != second).all()
+    for one in others:  # the second is each of the other two for one half of v
+        assert np.unique(second[first == one], return_counts=True)[1].std() == 0
+
+
 def test_refuses_settings_that_do_not_go_together() -> None:
     some = told(4, {"ann": (30.0, 0.1, 0.0)}, np.array([0, 0.3, 1]), seed=0)
     with pytest.raises(ValueError, match="raters=True and like= do not go together"):
