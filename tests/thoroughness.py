@@ -3,6 +3,7 @@ one.
 """
 
 from collections.abc import Iterable
+from itertools import combinations, product
 from typing import Any, TypeVar
 
 import pytest
@@ -44,4 +45,29 @@ def quick_first(values: Iterable[Any], quick: int) -> list[Any]:
     return [
         value if i < quick else pytest.param(value, marks=pytest.mark.slow)
         for i, value in enumerate(values)
+    ]
+
+
+def covering(*factors: Iterable[Any], together: int = 2) -> list[Any]:
+    """Return all combinations of values, the parameters of a test, few of them in the quick run.
+
+    Any ``together`` values of different factors meet in one of these, so each pair of values does
+    by default. The others are slow.
+    """
+    values = [[*factor] for factor in factors]
+    cases = [*product(*(range(len(each)) for each in values))]
+    groups = [*combinations(range(len(values)), together)]
+    meets = {case: {(group, *(case[i] for i in group)) for group in groups} for case in cases}
+    missing = set().union(*meets.values())
+    quick = set()
+    while missing:
+        best = max(cases, key=lambda case: len(meets[case] & missing))
+        missing -= meets[best]
+        quick.add(best)
+    return [
+        pytest.param(
+            *(values[i][j] for i, j in enumerate(case)),
+            marks=[] if case in quick else pytest.mark.slow,
+        )
+        for case in cases
     ]

@@ -26,7 +26,7 @@ from elicit import (
     choose,
 )
 from tests.scale_arithmetic import dot, gaps, tail_sums
-from tests.thoroughness import examples, scaled
+from tests.thoroughness import covering, examples, scaled
 
 K = 5
 HIDDEN = np.array([0, 8, 20, 25, 80])
@@ -51,9 +51,9 @@ def true_order(vectors, values=HIDDEN):
 COMPARATORS = [AlwaysAsk(K), Dominance(K), PolytopeComparator(K)]
 
 
-@pytest.mark.parametrize("comparator", COMPARATORS, ids=lambda c: type(c).__name__)
-@pytest.mark.parametrize("order", [False, True])
-@pytest.mark.parametrize("n", [1, 2, 3, 17])
+@pytest.mark.parametrize(
+    ("comparator", "order", "n"), covering(COMPARATORS, [False, True], [17, 1, 2, 3])
+)
 def test_a_truthful_tutor_leads_to_the_truth(comparator, order, n):
     for seed in range(6):
         vectors = shares(seed, n)

@@ -37,6 +37,7 @@ from qlearn import (
 )
 from tests.mdp_cases import messy_mdp
 from tests.scale_arithmetic import Floats
+from tests.thoroughness import quick_first
 
 Make = Callable[..., Any]
 LEARNERS = (
@@ -252,7 +253,7 @@ def asked_by(asker: Any, values: Floats, look: bool) -> list[str]:
     return ids
 
 
-@pytest.mark.parametrize("batch", [1, 3])
+@pytest.mark.parametrize("batch", quick_first([3, 1], 1))
 @pytest.mark.parametrize(
     "learner",
     [

@@ -49,7 +49,7 @@ from qlearn import (
 )
 from tests.noisy_cases import COMPARATORS
 from tests.scale_arithmetic import Floats, tail_sums
-from tests.thoroughness import quick_first
+from tests.thoroughness import covering
 
 K = 5
 MDP, VALUES = random_mdp(8, 3, K, discount=0.9, rng=0)
@@ -289,9 +289,9 @@ def test_dropped_answers_settle_their_own_pair_and_are_marked(make: Make, contra
 LEARNING = ("polytope", "dominance", "ensemble")
 
 
-@pytest.mark.parametrize("comparator", LEARNING)
 @pytest.mark.parametrize(
-    "settings", quick_first([{"audit": 0.1}, {"batch": 3}, {}, {"max_queries": 5}], 2), ids=str
+    ("comparator", "settings"),
+    covering(LEARNING, [{"audit": 0.1}, {"batch": 3}, {}, {"max_queries": 5}], together=1),
 )
 def test_a_run_can_be_replayed_from_its_log(
     make: Make, comparator: str, settings: dict[str, Any], tmp_path: Path

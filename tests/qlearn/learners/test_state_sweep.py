@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import tracemalloc
 from collections.abc import Callable
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,7 @@ from tests.interpreter import report_of
 from tests.mdp_cases import messy_mdp
 from tests.noisy_cases import COMPARATORS
 from tests.scale_arithmetic import Floats, dot, gaps, tail_sums
+from tests.thoroughness import covering
 
 
 class ByPython:
@@ -112,8 +114,16 @@ SETTINGS: list[dict[str, Any]] = [
 ]
 
 
-@pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("tutor", TUTORS)
+@pytest.mark.parametrize(
+    ("model", "tutor"),
+    [
+        pytest.param(
+            *each,
+            marks=[] if "polytope" in each or "blunt and silent" in each else pytest.mark.slow,
+        )
+        for each in product(MODELS, TUTORS)
+    ],
+)
 def test_python_is_asked_only_for_what_it_alone_can_tell(model: str, tutor: str) -> None:
     for mdp, values in (
         random_mdp(12, 3, 4, discount=0.8, rng=0),
@@ -147,8 +157,7 @@ def test_neither_python_nor_a_watcher_changes_what_settings_do(
     assert (plain.status is Status.GUESSED) == ("max_queries" in settings)
 
 
-@pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("tutor", ["truthful", "blunt"])
+@pytest.mark.parametrize(("model", "tutor"), covering(MODELS, ["truthful", "blunt"], together=1))
 def test_asks_the_questions_of_the_reference_whatever_the_comparator(
     model: str, tutor: str
 ) -> None:

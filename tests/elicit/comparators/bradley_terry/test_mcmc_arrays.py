@@ -10,6 +10,7 @@ from elicit._support.hashing import fold
 from elicit.comparators.bradley_terry import mcmc, mcmc_arrays
 from elicit.comparators.bradley_terry.earlier_people import EarlierPeople, Kind
 from tests.scale_arithmetic import tail_sums
+from tests.thoroughness import covering
 
 TUTORS: list[dict[str, Any]] = [
     {},
@@ -20,16 +21,19 @@ TUTORS: list[dict[str, Any]] = [
 ]
 
 
-@pytest.mark.parametrize("last", [1.0, 0.37])
-@pytest.mark.parametrize("tie", [0.0, 0.05])
 @pytest.mark.parametrize(
-    ("k", "particles", "rows", "size"),
-    [(2, 60, 9, 1.0), (5, 50, 64, 9.0), (6, 500, 130, 1.0), (9, 70, 40, 99.0)],
+    ("tutor", "sizes", "tie", "last"),
+    covering(
+        range(len(TUTORS)),
+        [(2, 60, 9, 1.0), (5, 50, 64, 9.0), (6, 500, 130, 1.0), (9, 70, 40, 99.0)],
+        [0.0, 0.05],
+        [1.0, 0.37],
+    ),
 )
-@pytest.mark.parametrize("tutor", range(len(TUTORS)))
 def test_the_same_moves(
-    tutor: int, k: int, particles: int, rows: int, size: float, tie: float, last: float
+    tutor: int, sizes: tuple[int, int, int, float], tie: float, last: float
 ) -> None:
+    k, particles, rows, size = sizes
     if k == 2 and "prior" in TUTORS[tutor]:
         return
     rng = np.random.default_rng([tutor, k, particles])

@@ -50,7 +50,10 @@ def test_orders_and_signs_are_as_likely_as_weighted_draws_from_the_prior_say(see
     for order in ((0, 1, 2, 3), (1, 0, 2, 3)):
         values = np.zeros((k, gaps.shape[1]))
         values[list(order[1:])] = np.cumsum(gaps, axis=0)
-        right = (lapse / 2 + (1 - lapse) * expit(precision * (row @ values)) for row in told.d * told.y[:, None])
+        right = (
+            lapse / 2 + (1 - lapse) * expit(precision * (row @ values))
+            for row in told.d * told.y[:, None]
+        )
         likelihoods.append(weights * np.prod([*right], axis=0))
         scores.append(tried @ values > 0)
     evidence = np.sum(likelihoods, axis=1)

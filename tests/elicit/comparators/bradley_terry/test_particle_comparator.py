@@ -30,7 +30,7 @@ from elicit.testing import check_comparator, sample_differences
 from tests.interpreter import run
 from tests.noisy_cases import MEAN, SD, Floats, Rng, differences, drawn_gaps, log_terms, pairs
 from tests.scale_arithmetic import dominance, tail_sums, values_of
-from tests.thoroughness import quick_first, scaled
+from tests.thoroughness import covering, quick_first, scaled
 
 TINY = 1e-20
 # independent draws that 1000 particles are worth at least, for k up to 8: moved copies stay alike
@@ -175,8 +175,12 @@ def test_values_cannot_be_changed_from_outside() -> None:
     ("particles", "level"),
     [
         (500, 0.95),
-        (1000, 0.95),
-        *[(300, 0.95), (500, 0.8), (100, 0.9), (20, 0.55)],
+        (100, 0.9),
+        (20, 0.55),
+        *[
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in [(1000, 0.95), (300, 0.95), (500, 0.8)]
+        ],
     ],
 )
 def test_verdicts_probabilities_and_bounds_agree_at_the_very_level(
@@ -301,8 +305,7 @@ def normalised(logs: Floats) -> Floats:
     return np.asarray(w)
 
 
-@pytest.mark.parametrize("k", [3, 5, 10])
-@pytest.mark.parametrize("n", [0, 1])
+@pytest.mark.parametrize(("k", "n"), covering([3, 5, 10], [0, 1], together=1))
 def test_nothing_is_certain_that_the_prior_does_not_make_so(k: int, n: int) -> None:
     rng = np.random.default_rng([k, n])
     d = pairs(rng, k, 400)

@@ -248,8 +248,22 @@ def test_what_is_given_is_that_of_every_rater(settings: dict[str, Any]) -> None:
         assert (known.draws.gaps[1] >= known.draws.gaps[0] * (1 - 1e-9)).all()
     assert known.values[1] < 0.4
     assert 0.1 < known.acceptance < 0.9
+
+
+def test_raters_of_no_precision_are_right_as_a_coin_is() -> None:
+    people = {"ann": (30.0, 0.1, 0.05), "ben": (30.0, 0.1, 0.0)}
+    answers = told(40, people, np.array([0, 0.2, 0.6, 1]), seed=1)
     nothing = PosteriorComparator(4, precision=0.0, raters=True).update(answers)
     assert nothing.reliability()[None].right == pytest.approx(0.5)
+
+
+def test_a_step_goes_along_two_different_others_each_two_as_likely() -> None:
+    others = np.array([3, 5, 8])
+    u, v = (axis.ravel() for axis in np.meshgrid(np.arange(0.05, 1, 0.1), np.arange(0.05, 1, 0.1)))
+    first, second = raters._two_of(others, u, v)
+    assert (first != second).all()
+    for one in others:  # the second is each of the other two for one half of v
+        assert np.unique(second[first == one], return_counts=True)[1].std() == 0
 
 
 def test_refuses_settings_that_do_not_go_together() -> None:
