@@ -43,6 +43,10 @@ def _unsaid(_: Any) -> None:
     return None
 
 
+def _always(_: Any) -> bool:
+    return True
+
+
 def _nothing_concluded(_: Any, before: float | None) -> Conclusion:
     return Conclusion()
 
@@ -76,6 +80,9 @@ class Subject:
         share of the value range that could be lost before the first answer, or None if unknown.
     facts : SessionFacts
         Facts that the report names.
+    enough : callable
+        Returns whether the outcome of ``Session.result`` is sure enough to end once the asker has
+        no question. Until then the interview asks about the levels of which most is open.
     """
 
     labels: tuple[str, ...]
@@ -90,6 +97,7 @@ class Subject:
         default=_nothing_concluded, repr=False
     )
     facts: SessionFacts = field(default_factory=SessionFacts)
+    enough: Callable[[Any], bool] = field(default=_always, repr=False)
 
 
 class Drawing:

@@ -583,6 +583,7 @@ class Interview(Drawing, Closing):
         few = needed and conduct.with_verdict < self._subject.least
         if needed and not few and self._session.audits and conduct.unresolved:
             few = self._session.confirming() is None  # then there is more to put again
+        few = few or (needed and not self._subject.enough(self._session.result()))
         if (self._chosen.more or few) and (found := self._level_question(few)) is not None:
             return found
         return self._session.confirming() if needed or self._chosen.more else None

@@ -26,11 +26,26 @@ from qlearn.mdp.planning import optimal_policy
 
 @dataclass(frozen=True)
 class InWords:
-    """The words in which a loss is said: labels, words, and the tolerance where questions end."""
+    """The words in which a result is said.
+
+    Attributes
+    ----------
+    labels, words
+        Those of the problem.
+    tolerance
+        The share of the value range at which questions end.
+    states, plan
+        What the problem calls states, in the plural, and a policy.
+    legend
+        What the names of states and actions mean, in sentences.
+    """
 
     labels: tuple[str, ...]
     words: Words
     tolerance: float
+    states: str = "states"
+    plan: str = "plan"
+    legend: str = ""
 
     def loss(self, share: float) -> str:
         """Return a loss in the problem's own unit."""
@@ -41,7 +56,6 @@ def policy_conclusion(
     told: InWords,
     mdp: OrdinalMDP,
     action_words: Callable[[int], str],
-    legend: str,
     result: Result,
     before: float | None,
 ) -> Conclusion:
@@ -78,7 +92,7 @@ def policy_conclusion(
         sure=_sure(result),
         next=after,
         before=unasked,
-        changes=_changes(mdp, action_words, legend, result),
+        changes=_changes(told, mdp, action_words, result),
         result=_whole_policy(mdp, action_words, result),
         settled=settled,
         early=f"So far your plan falls short of your ideal plan by at most {most}. Your answers "
@@ -99,7 +113,7 @@ def _differing(mdp: OrdinalMDP, result: Result) -> tuple[Any, Any, Any]:
 
 
 def _changes(
-    mdp: OrdinalMDP, action_words: Callable[[int], str], legend: str, result: Result
+    told: InWords, mdp: OrdinalMDP, action_words: Callable[[int], str], result: Result
 ) -> ResultTable:
     """Return the states in which the answers change the action, for certain."""
     equal, states, holds = _differing(mdp, result)
@@ -107,7 +121,7 @@ def _changes(
     rest = len(states) - n
     some = ""
     if n:
-        title = f"In {n} of {live} states your answers change the plan"
+        title = f"In {n} of {live} {told.states} your answers change the {told.plan}"
         hold = "This change holds" if n == 1 else "These changes hold"
         sure = (
             "for every scale that fits your answers"
@@ -116,10 +130,10 @@ def _changes(
         )
         some = f" {hold} {sure}."
     elif rest:
-        title = f"In {rest} of {live} states your answers may change the plan"
+        title = f"In {rest} of {live} {told.states} your answers may change the {told.plan}"
         some = " None of these changes is certain yet."
     else:
-        title = "Your answers do not change the plan"
+        title = f"Your answers do not change the {told.plan}"
     if n and rest:
         some += f" In {rest} more your answers may change it, but that is still open."
     note = f"Compared with equal steps between the levels.{some}"
@@ -128,7 +142,7 @@ def _changes(
         for s in states[holds].tolist()
     )
     return ResultTable(
-        title, ("State", "With equal steps", "With your values"), rows, f"{note} {legend}"
+        title, ("State", "With equal steps", "With your values"), rows, f"{note} {told.legend}"
     )
 
 
@@ -190,7 +204,7 @@ def choice_conclusion(
     ``shares`` (n, k) has a row for each alternative.
     """
     most, sure = told.loss(result.loss_bound), _sure(result)
-    settled = result.status in (Status.DONE, Status.CALLED_EQUAL)
+    settled = choice_holds(told, result)
     no_better = "No other alternative is better"
     no_better += f" by more than {most}." if result.loss_bound > 0 else "."
     if settled:
@@ -212,17 +226,25 @@ def choice_conclusion(
         sure=sure,
         next=after,
         before=unasked,
-        changes=_worth(told.labels, names, shares, result),
+        changes=_worth(told, names, shares, result),
         result=ResultTable("", ("alternative", "choice"), rows),
         settled=settled,
         early=f"By your answers so far “{result.name}” is best. They are not checked yet.",
     )
 
 
-def _worth(
-    labels: Sequence[str], names: Sequence[str], shares: Floats, result: Choice
-) -> ResultTable:
+def choice_holds(told: InWords, result: Choice) -> bool:
+    """Return whether no question is left, and no other alternative is better by the tolerance.
+
+    Each pair may be decided with 95% probability while all of them together are not.
+    """
+    decided = result.status in (Status.DONE, Status.CALLED_EQUAL)
+    return decided and (result.confidence == 1.0 or not result.loss_bound > told.tolerance)
+
+
+def _worth(told: InWords, names: Sequence[str], shares: Floats, result: Choice) -> ResultTable:
     """Return what each alternative consists of, and what it is worth as far as is known."""
+    labels = told.labels
     low, high = bounds_of(result.comparator, shares)
     points = product(tail_sums(shares), np.diff(best_guess(result.comparator)))
     order = np.argsort(-points, kind="stable").tolist()
@@ -239,9 +261,9 @@ def _worth(
         f"The {len(names)} alternatives",
         ("Alternative", *map(printable, labels[::-1]), "worth", "range"),
         rows,
-        "In 100 outcomes of each. Worth is from 0, if all were "
-        f"{printable(labels[0])}, to 100, if all were {printable(labels[-1])}: the best guess, and "
-        "the range that fits your answers.",
+        f"In 100 {printable(told.words.unit)} of each. Worth is from 0, if all were "
+        f"“{printable(labels[0])}”, to 100, if all were “{printable(labels[-1])}”: the best guess, "
+        "and its range.",
         "alternative",
     )
 

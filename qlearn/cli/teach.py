@@ -138,9 +138,8 @@ def add_to(commands: Any) -> None:
         type=number_parser(INNER),
         default=0.01,
         metavar="X",
-        help="of an MDP: questions end once the policy can lose no more than this share of the "
-        "value range "
-        "[%(default)s]",
+        help="questions end once the policy, or the choice from a CSV, can lose no more than this "
+        "share of the value range [%(default)s]",
     )
     command.add_argument(
         "--questions",
@@ -243,7 +242,7 @@ def run(
     recipe |= {"like": like} if like else {}
     same = ["--days", str(days), "--seed", str(seed)]
     same += [] if unit is None else ["--unit", unit]
-    same += [] if name.lower().endswith(".csv") else ["--tolerance", str(tolerance)]
+    same += ["--tolerance", str(tolerance)]
     same += ["--like", *like] if like else []
     if people := how["people"] or how["invite"]:
         wrong = _not_for_several(log, how)

@@ -30,6 +30,7 @@ from elicit.tutors.answer_log import AnswerLog
 from qlearn.cli.conclusions import (
     InWords,
     choice_conclusion,
+    choice_holds,
     choice_stakes,
     icu_dose,
     policy_conclusion,
@@ -110,7 +111,7 @@ def taught_by(
     Raises ValueError, ImportError and OSError that say what is wrong with it.
     """
     if isinstance(problem, str) and problem.lower().endswith(".csv"):
-        return _choice(Path(problem), comparator, days, unit, seed, like)
+        return _choice(Path(problem), comparator, days, unit, seed, tolerance, like)
     mdp, words, legend = _mdp(problem, seed)
     words = words if unit is None else replace(words, unit=unit)
     header = _header(mdp.labels, mdp.fingerprint, words, discount=mdp.discount)
@@ -123,7 +124,8 @@ def taught_by(
 
     finer = f"For finer ones start again with --days {2 * days}: what you answered stays."
     names = icu_dose if problem == "icu-sepsis" else mdp.action_name
-    told = InWords(mdp.labels, words, tolerance)
+    said = ("patient states", "treatment") if problem == "icu-sepsis" else ("states", "plan")
+    told = InWords(mdp.labels, words, tolerance, *said, legend)
     subject = Subject(
         mdp.labels,
         words,
@@ -131,7 +133,7 @@ def taught_by(
         stakes=partial(policy_stakes, told),
         finer=finer,
         seed=seed,
-        conclude=partial(policy_conclusion, told, mdp, names, legend),
+        conclude=partial(policy_conclusion, told, mdp, names),
         facts=_facts(
             problem, header, comparator, seed, ("Tolerance", per_hundred(tolerance)), like=like
         ),
@@ -267,7 +269,13 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
 
 
 def _choice(
-    path: Path, comparator: str, days: int, unit: str | None, seed: int, like: Sequence[str]
+    path: Path,
+    comparator: str,
+    days: int,
+    unit: str | None,
+    seed: int,
+    tolerance: float,
+    like: Sequence[str],
 ) -> Taught:
     labels, names, vectors = read_alternatives(path)
     words, hint = _words_of(path, labels)
@@ -288,7 +296,7 @@ def _choice(
     finer = (
         f"Round the numbers in {path.name} to counts of the same total, and start with a new log."
     )
-    told = InWords(labels, words, 0.0)
+    told = InWords(labels, words, tolerance)
     subject = Subject(
         labels,
         words,
@@ -297,7 +305,10 @@ def _choice(
         finer=finer,
         seed=seed,
         conclude=partial(choice_conclusion, told, names, shares),
-        facts=_facts(str(path), header, comparator, seed, like=like),
+        facts=_facts(
+            str(path), header, comparator, seed, ("Tolerance", per_hundred(tolerance)), like=like
+        ),
+        enough=partial(choice_holds, told),
     )
     following = partial(cost_of_following_a_choice, shares)
     return Taught(subject, make, header, hint, following=following)

@@ -6,6 +6,7 @@ import random
 import re
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -595,3 +596,40 @@ def test_the_result_is_shown_while_a_conflict_waits() -> None:
         assert result["stage"] == "end"
         assert result["end"]["counts"]["answered"] == screen["answered"]
         assert interview.handle({"do": "state"}) == {**screen, "note": None}
+
+
+@pytest.fixture
+def care(tmp_path: Path) -> str:
+    """The path of a table of five treatments."""
+    path = tmp_path / "care.csv"
+    path.write_text(
+        "treatment,died,severe,mild,well\nsurgery,2,1,1,6\ndrugs,1,3,2,4\nboth,2,2,0,6\n"
+        "rest,0,4,4,2\nwait,1,4,1,4\n"
+    )
+    return str(path)
+
+
+@pytest.mark.parametrize("answers", [0, 1, 2, 99])
+def test_a_choice_is_settled_only_if_no_other_alternative_is_better_by_the_tolerance(
+    care: str, answers: int
+) -> None:
+    told = taught_by(care, "posterior", 10, None, 0, 0.01)
+    with (
+        Session(told.make, AnswerLog(), audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        person = Person(interview, truthful([0, 0.45, 0.9, 1]))
+        person.until("end", answers)
+        end = interview.handle({"do": "result"})["end"]
+        assert end["settled"] == (answers == 99)
+        bound = re.search(r"better by (?:more than|as much as) ([\d.]+) in 100", str(end))
+        assert bound
+        result = session.result()
+        assert float(bound[1]) >= 100 * result.loss_bound
+        assert (
+            not end["settled"]
+            or result.loss_bound <= 0.01 < 0.05 < told.make([]).result().loss_bound
+        )
+        if answers < 99:
+            assert "is best" not in end["headline"]
+            assert "You can stop here" not in end["next"]

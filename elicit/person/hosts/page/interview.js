@@ -294,8 +294,8 @@ export function mount(root, send, options = {}) {
       part("p", "soft small", {}, ["Printed on your report. A made-up name is fine."]),
       who,
       part("fieldset", "", {}, [part("legend", "strong", {}, ["How much time do you have?"]), ...radios]),
-      part("p", "soft small", {}, [before, " ", fewest(least)]),
       part("p", "soft small", {}, [SIMULATED]),
+      part("p", "soft small", {}, [before, " ", fewest(least)]),
       button("pick", "Start", start),
       part("p", "soft small", {}, ["A practice question comes first."]),
     ]);
