@@ -1,4 +1,4 @@
-"""What was known before the first answer: the loss that was possible, and if anything was open.
+"""The start of a session: the loss that was possible before the first answer, and what was open.
 
 It takes a second to compute where the problem is large, so the log keeps it, as metadata of a line
 that says which question was asked. A program that does not know it reads such a log as before.
@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from elicit.person.asker import Asker
 from elicit.tutors.answer_log import Asked
 
 START = "start"
@@ -21,7 +20,7 @@ START = "start"
 
 
 class Before(NamedTuple):
-    """What was known before the first answer.
+    """The state of knowledge before the first answer.
 
     Attributes
     ----------
@@ -63,6 +62,16 @@ def _as_json(facts: Sequence[tuple[str, str]]) -> list[list[str]]:
     return [list(pair) for pair in facts]
 
 
+class Asks(Protocol):
+    """An asker, as far as the start of a session needs it."""
+
+    def ask(self) -> Sequence[object]:
+        """Return the open questions."""
+
+    def result(self) -> object:
+        """Return the result so far."""
+
+
 @dataclass(frozen=True, eq=False)
 class Start:
     """A session before its first answer, of which only what is needed is computed.
@@ -70,7 +79,7 @@ class Start:
     It has what ``Before`` has.
     """
 
-    asker: Asker
+    asker: Asks
 
     @cached_property
     def loss(self) -> float | None:
