@@ -293,3 +293,28 @@ def test_numbers_that_stand_in_a_call_make_no_version_of_their_own(tmp_path: Pat
     )
     code = "from caller import caller, helper; print(caller(1), len(helper.machine.signatures))"
     assert run(code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "kept"))[-1] == "3 1"
+
+
+def test_what_is_written_out_is_the_same_and_has_no_machine_code_of_its_own(tmp_path: Path) -> None:
+    (tmp_path / "loop.py").write_text(
+        "from elicit._support.jit import compiled, written_out\n"
+        "@written_out\n"
+        "def part(x, i):\n"
+        "    grown = x * 1.1 + i\n"
+        "    return grown, i % 3\n"
+        "@compiled\n"
+        "def loop(n):\n"
+        "    total, x = 0.0, 0.5\n"
+        "    for i in range(n):\n"
+        "        x, rest = part(x, i)\n"
+        "        total += x - rest\n"
+        "    return total\n"
+    )
+    code = """
+from loop import loop, part
+interpreted = loop(50)
+jit.expect(loop, 1000.0)
+print(loop(50) == interpreted, sorted(Watch.seen), part(1.0, 4))
+"""
+    found = run(WATCH + code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "kept"), **PATIENT)
+    assert found == [f"True ['loop'] {(1.0 * 1.1 + 4, 1)}"]
