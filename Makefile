@@ -20,8 +20,9 @@ browser:  ## the browser that the tests of the page and of the widget drive (Deb
 	  sudo=$$([ "$$(id -u)" = 0 ] || echo sudo); \
 	  $$sudo apt-get update -qq && $$sudo apt-get install -y -qq --no-install-recommends chromium-headless-shell fonts-dejavu-core; }
 
-teach: $(READY)  ## you are the tutor of ICU-Sepsis: prints the address of a page; answers-icu-sepsis.jsonl keeps the answers
-	$(BIN)/qlearn teach --web
+PROBLEM ?= icu-sepsis
+teach: $(READY)  ## you are the tutor: prints the address of a page; make teach PROBLEM=options.csv asks about your own
+	$(BIN)/qlearn teach --web --problem $(PROBLEM)
 
 test: $(READY)  ## the tests, without the slow ones
 	$(BIN)/python -m pytest -q -n auto --dist worksteal

@@ -55,10 +55,9 @@ from elicit.model.query import (
     InconsistentAnswers,
     Query,
     Verdict,
-    as_verdict,
 )
 from elicit.model.scale import Floats
-from elicit.model.tutor import CountsErrors, Tutor, TutorOfMany, check_tutor_made
+from elicit.model.tutor import CountsErrors, Tutor, TutorOfMany, answer_of, check_tutor_made
 
 if __doc__ is not None:  # python -OO leaves it out
     __doc__ += "".join(
@@ -643,7 +642,7 @@ def _check_update(comparator: Comparator, d: Floats) -> Comparator:
 def _ask(tutor: Tutor, query: Query) -> Verdict | None:
     before = query.left.copy(), query.right.copy()
     reply = tutor(query)
-    answer = Answer(query, as_verdict(reply)) if isinstance(reply, (int, np.integer)) else reply
+    answer = answer_of(reply, query)
     _say(
         isinstance(answer, Answer),
         "a tutor must return an elicit.Answer, or 1 (left is better), -1 (right is) or 0 (equal), "

@@ -1,11 +1,11 @@
 """The Tutor protocol: whatever answers a query; and one that answers many at once."""
 
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from elicit.model.query import Answer, Query
+from elicit.model.query import Answer, Query, as_verdict
 
 
 @runtime_checkable
@@ -50,6 +50,18 @@ class CountsErrors(Tutor, Protocol):
     @property
     def realised_error_rate(self) -> float:
         """The share of its answers that were wrong; nan before the first."""
+
+
+def answer_of(reply: Any, query: Query, who: str | None = None) -> Answer:
+    """Return a tutor's reply as an Answer to the query, where it is a number.
+
+    1, 0 and -1 are verdicts, also as floats: ``np.sign`` of a float is one. Whatever else is no
+    number is returned as it is, for ``match`` to refuse.
+    """
+    whole = isinstance(reply, (float, np.floating)) and reply in (-1.0, 0.0, 1.0)
+    if whole or isinstance(reply, (int, np.integer)):
+        return Answer(query, as_verdict(int(reply) if whole else reply), who=who)
+    return cast(Answer, reply)
 
 
 def check_tutor_made(tutor: object, k: int) -> None:

@@ -4,12 +4,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-import numpy as np
-
 from elicit.model.comparator import Comparator
 from elicit.model.comparator_parts import people_of
-from elicit.model.query import Answer, Query, as_verdict
-from elicit.model.tutor import KnowsLevels, check_tutor_made
+from elicit.model.query import Answer, Query
+from elicit.model.tutor import KnowsLevels, answer_of, check_tutor_made
 
 
 def as_one_tutor(
@@ -81,9 +79,7 @@ class PanelTutor:
                 f"query {query.id} {asks}, but there are tutors for {', '.join(map(repr, names))}: "
                 "give the tutor of each member of the elicit.Panel by name"
             )
-        said = self.tutors[who](query)
-        if isinstance(said, (int, np.integer)):
-            return Answer(query, as_verdict(said), who=who)
+        said = answer_of(self.tutors[who](query), query, who)
         return said if said.who is not None else replace(said, who=who)
 
 

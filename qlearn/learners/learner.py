@@ -29,11 +29,10 @@ from elicit.model.query import (
     InconsistentAnswers,
     Query,
     Verdict,
-    as_verdict,
     match,
 )
 from elicit.model.scale import Floats
-from elicit.model.tutor import TutorOfMany, check_tutor_made
+from elicit.model.tutor import TutorOfMany, answer_of, check_tutor_made
 from elicit.tutors.answer_log import EXPECTED, AnswerLog
 from elicit.tutors.panel import as_one_tutor
 from qlearn.certificates.loss_bound import BOUNDING, Guarantee, loses_at_most, loss_bound
@@ -271,9 +270,10 @@ class Result:
             return "with unknown confidence"
         if self.confidence == 1:
             return f"proven, {assumed_of_answers(wrong_of(self.comparator), 'the')}"
-        return (
-            f"with probability {self.confidence:.4g}, if the tutor errs as the comparator assumes"
-        )
+        assumed = "if the tutor errs as the comparator assumes"
+        if not len(self.answers):
+            assumed = "over the scales that the comparator takes for possible"
+        return f"with probability {self.confidence:.4g}, {assumed}"
 
     @property
     def tie_warning(self) -> str:
@@ -593,9 +593,9 @@ def _by_sides(tutor: TutorLike, seed: Seed | None) -> Callable[[Query], Answer]:
 
     def ask(query: Query) -> Answer:
         if int(fold(key, _SIDES, name_code(query.id))) & 1:
-            return _answer_of(tutor(query), query)
+            return answer_of(tutor(query), query)
         shown = exchanged(query)
-        answer = _answer_of(tutor(shown), shown)
+        answer = answer_of(tutor(shown), shown)
         if not isinstance(answer, Answer) or answer.query.id != query.id:
             return answer  # refused by ``match``
         verdict = None if answer.verdict is None else answer.verdict.flipped
@@ -634,14 +634,6 @@ def _driven(
         if progress is not None:
             progress(learner.result())
     return learner.result()
-
-
-def _answer_of(reply: Answer | int, query: Query) -> Answer:
-    """Return the tutor's reply as an Answer to the query.
-
-    ``match`` refuses what is neither an Answer nor a verdict.
-    """
-    return Answer(query, as_verdict(reply)) if isinstance(reply, (int, np.integer)) else reply
 
 
 def _log_and_tell(

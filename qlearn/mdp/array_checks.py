@@ -112,7 +112,7 @@ def levels(given: ArrayLike, shape: tuple[int, int], k: int) -> Indices:
     if dimensions == len(shape) + 1:
         raise ValueError(
             f"levels must have shape {shape}, a level for each state and action, not "
-            f"{np.shape(given)}: where the level hangs on the next state, add a state for each "
+            f"{np.shape(given)}: where the level depends on the next state, add a state for each "
             "outcome, and give that state the level"
         )
     array = numbers("levels", given, shape, whole=True)

@@ -206,3 +206,21 @@ def test_a_result_warns_where_many_answers_are_equal(tie: float, meant: str) -> 
     assert result.tie_warning in str(result)
     exact = solve(MDP, TruthfulTutor(VALUES), seed=0, max_queries=8)
     assert exact.tie_warning == ""
+
+
+def test_a_tutor_may_return_the_sign_of_a_float() -> None:
+    mdp, _ = qlearn.random_mdp(6, 2, len(VALUES), seed=3)
+    whole = qlearn.solve(mdp, lambda query: int(np.sign(query.d @ VALUES)), "polytope", seed=0)
+    signs = qlearn.solve(mdp, lambda query: np.sign(query.d @ VALUES), "polytope", seed=0)
+    assert signs.asked == whole.asked > 0
+    assert (signs.policy == whole.policy).all()
+    with pytest.raises(TypeError, match=r"a tutor must return .* not .*0\.5"):
+        qlearn.solve(mdp, lambda query: 0.5, "polytope", seed=0)
+
+
+def test_without_an_answer_the_bound_is_said_to_be_about_scales_not_about_a_tutor() -> None:
+    mdp = qlearn.OrdinalMDP.from_dense([[[1.0]]], [[0]], 0.9, ["bad", "good"])
+    said = str(qlearn.solve(mdp, lambda query: 1, seed=0))
+    assert "0 questions were asked" in said
+    assert "if the tutor errs" not in said
+    assert "over the scales that the comparator takes for possible" in said
