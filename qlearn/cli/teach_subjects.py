@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -364,12 +364,12 @@ def read_alternatives(path: Path) -> tuple[tuple[str, ...], list[str], Floats]:
     """Return labels (k), names (n) and vectors (n, k) of the alternatives in a CSV file.
 
     The header has any word over the names, and the k labels, worst first; each row has a name and
-    its numbers. Raises ValueError that names the line, also if the totals differ or a number is
+    its numbers. Cells end with commas, or all with semicolons. Raises ValueError that names the line, also if the totals differ or a number is
     below 0; OSError.
     """
     with open(path, encoding="utf-8-sig", newline="") as text:
         try:
-            rows = [(n, cells) for n, cells in _rows(csv.reader(text, strict=True)) if any(cells)]
+            rows = [(n, cells) for n, cells in _rows(text) if any(cells)]
         except csv.Error as error:
             raise ValueError(f"{path} is no CSV: {error}") from None
         except UnicodeDecodeError as error:
@@ -418,9 +418,19 @@ def read_alternatives(path: Path) -> tuple[tuple[str, ...], list[str], Floats]:
     return tuple(header[1:]), [cells[0] for _, cells in rows[1:]], np.array(vectors)
 
 
-def _rows(reader: Any) -> Iterator[tuple[int, list[str]]]:
-    """The number of each line, and its cells."""
+def _rows(text: TextIO) -> Iterator[tuple[int, list[str]]]:
+    """Return the number of each line, and its cells.
+
+    If the first line has semicolons and no comma, cells end with semicolons and decimals may be
+    written with a comma, as spreadsheets in many countries have it.
+    """
+    first = text.readline()
+    text.seek(0)
+    semicolons = ";" in first and "," not in first
+    reader = csv.reader(text, strict=True, delimiter=";" if semicolons else ",")
     for cells in reader:
+        if semicolons and reader.line_num > 1:
+            cells = [cells[0], *(cell.replace(",", ".") for cell in cells[1:])] if cells else cells
         yield reader.line_num, [cell.strip() for cell in cells]
 
 

@@ -693,6 +693,13 @@ def test_what_is_wrong_with_a_csv_is_said(
     assert said.format("x.csv") in errors
 
 
+def test_a_csv_of_a_spreadsheet_with_semicolons_and_decimal_commas_is_read(tmp_path: Path) -> None:
+    (tmp_path / "x.csv").write_text("name;died;well\nhere, now;0,25;0,75\nthere;1;0\n")
+    labels, names, vectors = read_alternatives(tmp_path / "x.csv")
+    assert (labels, names) == (("died", "well"), ["here, now", "there"])
+    assert vectors.tolist() == [[0.25, 0.75], [1.0, 0.0]]
+
+
 def test_a_csv_with_a_byte_order_mark_is_read_and_one_that_is_not_there_is_said(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
