@@ -364,8 +364,10 @@ def read_alternatives(path: Path) -> tuple[tuple[str, ...], list[str], Floats]:
     """Return labels (k), names (n) and vectors (n, k) of the alternatives in a CSV file.
 
     The header has any word over the names, and the k labels, worst first; each row has a name and
-    its numbers. Cells end with commas, or all with semicolons. Raises ValueError that names the line, also if the totals differ or a number is
-    below 0; OSError.
+    its numbers. Cells end with commas, or all with semicolons.
+
+    Raises ValueError that names the line, also if the totals differ or a number is below 0;
+    OSError.
     """
     with open(path, encoding="utf-8-sig", newline="") as text:
         try:
