@@ -8,8 +8,9 @@ Imports nothing heavy.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -229,3 +230,43 @@ LOOKS: Mapping[str, Mapping[str, Any]] = {
 """The look of ways of asking and of learners in pictures, by their label."""
 ALWAYS = "always"
 """The name of the comparator that learns nothing; with a truthful tutor it is the oracle."""
+
+STYLES: dict[str, dict[str, Any]] = {name: entry.look for name, entry in COMPARATORS.items()}
+"""The colour, marker and line of each comparator, by the name that ``qlearn ablate`` gives it."""
+OTHER_LOOKS: tuple[dict[str, Any], ...] = (
+    {"color": "#8C564B", "marker": "*", "linestyle": (0, (6, 1, 1, 1, 1, 1))},
+    {"color": "#4477AA", "marker": "<", "linestyle": (0, (3, 1.5))},
+    {"color": "#AAAA00", "marker": "h", "linestyle": (0, (7, 1, 1, 1))},
+    {"color": "#AA3377", "marker": ">", "linestyle": (0, (2, 2, 6, 2))},
+    {"color": "#225555", "marker": "d", "linestyle": (0, (1, 1, 4, 1))},
+    {"color": "#777777", "marker": "8", "linestyle": (0, (9, 1.5))},
+)
+"""The looks of names that the catalogue does not have, in this order."""
+
+
+def styles(names: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """Return the colour, marker and line of each name, as matplotlib's keywords.
+
+    Comparators have those of ``STYLES``. Learners ("policy iteration") and ways of asking
+    ("polytope, audited") have one each as well. Other names, such as a comparator of your own, get
+    one after the other, no two alike among the first six.
+
+    Parameters
+    ----------
+    names : iterable of str
+
+    Returns
+    -------
+    dict of str to dict
+    """
+    others, fixed = cycle(OTHER_LOOKS), STYLES | {name: {**look} for name, look in LOOKS.items()}
+    return {name: fixed[name] if name in fixed else next(others) for name in dict.fromkeys(names)}
+
+
+def kind_of(comparator: Comparator) -> str:
+    """Return a comparator's name in ``STYLES``, or the name of its class.
+
+    The latter is for classes that are not elicit's own.
+    """
+    kinds = (name for name, entry in COMPARATORS.items() if entry.is_kind_of(comparator))
+    return next(kinds, type(comparator).__name__)

@@ -10,13 +10,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from itertools import cycle
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from elicit.catalogue import COMPARATORS, LOOKS
+from elicit.catalogue import OTHER_LOOKS, STYLES, kind_of, styles
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import Comparator, offers
 from elicit.model.scale import Floats, exact_dot, normalise, rounded_to_total
@@ -28,19 +27,9 @@ if TYPE_CHECKING:
     from elicit.diagnostics.agreement import Agreement
     from elicit.diagnostics.preference_graph import Cycle
 
-STYLES: dict[str, dict[str, Any]] = {name: entry.look for name, entry in COMPARATORS.items()}
-"""The colour, marker and line of each comparator, by the name that ``qlearn ablate`` gives it."""
-_OTHERS: tuple[dict[str, Any], ...] = (  # for names that the catalogue does not have, in this order
-    {"color": "#8C564B", "marker": "*", "linestyle": (0, (6, 1, 1, 1, 1, 1))},
-    {"color": "#4477AA", "marker": "<", "linestyle": (0, (3, 1.5))},
-    {"color": "#AAAA00", "marker": "h", "linestyle": (0, (7, 1, 1, 1))},
-    {"color": "#AA3377", "marker": ">", "linestyle": (0, (2, 2, 6, 2))},
-    {"color": "#225555", "marker": "d", "linestyle": (0, (1, 1, 4, 1))},
-    {"color": "#777777", "marker": "8", "linestyle": (0, (9, 1.5))},
-)
 _GROUPS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#666666")  # told apart by the colour-blind
 _MARKERS = "os^Dv<>ph*"
-_FAINTER = tuple({name: style[name] for name in ("marker", "linestyle")} for style in _OTHERS)
+_FAINTER = tuple({name: style[name] for name in ("marker", "linestyle")} for style in OTHER_LOOKS)
 _TRUE: dict[str, Any] = {
     "marker": "*", "markersize": 15, "color": "black", "markerfacecolor": "#F0E442",
     "linestyle": "none"
@@ -63,34 +52,6 @@ _ARROWS: dict[str, dict[str, Any]] = {
     "on a cycle": {"linewidth": 2.2, "color": "#882255"},
 }
 _NAMES = {"better": "answer: better", "equal": "equal", "dominance": "by dominance"}
-
-
-def styles(names: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """Return the colour, marker and line of each name, as matplotlib's keywords.
-
-    Comparators have those of ``STYLES``. Learners ("policy iteration") and ways of asking
-    ("polytope, audited") have one each as well. Other names, such as a comparator of your own, get
-    one after the other, no two alike among the first six.
-
-    Parameters
-    ----------
-    names : iterable of str
-
-    Returns
-    -------
-    dict of str to dict
-    """
-    others, fixed = cycle(_OTHERS), STYLES | {name: {**look} for name, look in LOOKS.items()}
-    return {name: fixed[name] if name in fixed else next(others) for name in dict.fromkeys(names)}
-
-
-def kind_of(comparator: Comparator) -> str:
-    """Return a comparator's name in ``STYLES``, or the name of its class.
-
-    The latter is for classes that are not elicit's own.
-    """
-    kinds = (name for name, entry in COMPARATORS.items() if entry.is_kind_of(comparator))
-    return next(kinds, type(comparator).__name__)
 
 
 def polytope(

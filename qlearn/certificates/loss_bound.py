@@ -117,3 +117,15 @@ def guarantee(
         ):  # the other cells need not be looked at
             return Guarantee(np.inf, confidence)
     return Guarantee(most, confidence)
+
+
+def completed(
+    found: Guarantee, mdp: OrdinalMDP, over: Advantages, comparator: Comparator
+) -> Guarantee:
+    """Return a guarantee, with its bound computed if a search left it at inf.
+
+    ``over`` may have the advantages of some states only: then all are computed.
+    """
+    if np.isfinite(found.loss_bound):
+        return found
+    return guarantee(mdp, advantages(mdp, over.policy, over.v), comparator)

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import StrMethodFormatter
 
-from elicit.plot import STYLES, styles
+from elicit.catalogue import STYLES, styles
 from qlearn.experiments.catalogue import NAMES
 from qlearn.experiments.settings import ORDER
 

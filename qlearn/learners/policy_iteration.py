@@ -36,9 +36,9 @@ from elicit.model.needs import Needs, check_needs
 from elicit.model.outcomes import Status
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
-from qlearn.certificates.advantages import Advantages, advantages
+from qlearn.certificates.advantages import Advantages
 from qlearn.certificates.drawn_scales import drawn_set, draws_of
-from qlearn.certificates.loss_bound import Guarantee, guarantee
+from qlearn.certificates.loss_bound import Guarantee, completed
 from qlearn.learners.learner import (
     Learner,
     Result,
@@ -191,6 +191,7 @@ class InteractivePolicyIteration(Learner):
         ) = None
 
     def _go_on(self) -> tuple[Query, ...]:
+        """Return the next questions; none at the end. ``Learner.ask`` calls it."""
         if self._end is not None:
             return ()
         for look in (self._round, self._look_further):
@@ -231,7 +232,7 @@ class InteractivePolicyIteration(Learner):
         """
         rounds, over, found = self._present()
         comparator = self._elicitation.comparator
-        in_full = partial(_in_full, found, self._mdp, over, comparator)
+        in_full = partial(completed, found, self._mdp, over, comparator)
         looked_at = over if self._end is None else rounds.everything()
         settled = np.bincount(self._settled_by(looked_at), minlength=len(Tier))
         shares = partial(q_of, np.arange(self._mdp.n_states), over.v, model_of(self._mdp))
@@ -470,14 +471,3 @@ def _check_cuts(comparator: Comparator, bags: Bags | None, batch: int) -> None:
             f"{type(comparator).__name__} does not have: take elicit.PolytopeComparator, or "
             f"{advice}"
         )
-
-
-def _in_full(
-    found: Guarantee, mdp: OrdinalMDP, over: Advantages, comparator: Comparator
-) -> Guarantee:
-    """Return the guarantee with its bound computed, if the search left it at inf."""
-    if np.isfinite(found.loss_bound):
-        return found
-    return guarantee(
-        mdp, advantages(mdp, over.policy, over.v), comparator
-    )  # over may be of some states only

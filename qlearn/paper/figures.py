@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.markers import CARETDOWN
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from elicit.plot import STYLES
+from elicit.catalogue import STYLES
 from qlearn.experiments.catalogue import NAMES
 from qlearn.experiments.settings import TRUTHFUL, TUTORS
 

@@ -39,7 +39,7 @@ class ExactRounds:
             start = np.argmax(self._mdp.admissible, axis=1) if over is None else over.policy
             over = advantages(self._mdp, optimal_policy(self._mdp, values, start))
         self._over, self.rounds = over, self.rounds + 1
-        return self.look_further(comparator)
+        return over, guarantee(self._mdp, over, comparator, self._enough)
 
     @staticmethod
     def _changes(over: Advantages, values: Floats) -> bool:
