@@ -41,7 +41,6 @@ lint: $(READY)  ## ruff and mypy
 	$(BIN)/mypy
 
 docs: $(READY)  ## the site in build/docs, without a warning
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
 	$(BIN)/python -m sphinx -q -E -W --keep-going -c docs -d build/doctrees . build/docs
 
 evidence: $(READY)  ## every page and figure of results that is of older code, page by page: hours, and the same command goes on

@@ -71,6 +71,24 @@ def test_good_multipliers_give_a_tight_bound() -> None:
     assert programs.solves == 10
 
 
+def test_a_bound_that_is_not_tight_is_not_given(monkeypatch: pytest.MonkeyPatch) -> None:
+    comparator, _ = truthful(6, 30)
+    r = comparator.region
+    oracle, inside = Oracle(exactly(r)), analytic_centre(r)
+    honest = Programs._vertex
+
+    def loosely(self: Programs, t: Any) -> Solved:
+        """Return the right point with multipliers that say little."""
+        found = honest(self, t)
+        return Solved(found.g, np.zeros_like(found.y))
+
+    monkeypatch.setattr(Programs, "solve", loosely)
+    monkeypatch.setattr(Programs, "_vertex", loosely)
+    for t in (np.array([-1.0, -0.9, -0.8, -0.7, -0.1]), np.array([1.0, 0.4, 0.8, 0.7, 0.1])):
+        low = Programs(r).least(t, inside)
+        assert 0 <= float(oracle.least(exact(t)) - Fraction(low)) < 1e-9
+
+
 @pytest.mark.parametrize("answer", ["none", "nonsense", "infinite"])
 def test_a_solver_that_fails_costs_time_only(answer: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(self: Programs, t: Any) -> Solved | None:

@@ -333,6 +333,7 @@ def test_the_comparators_program_takes_a_prior_as_it_takes_a_and_b():
     prior = as_prior(["e3 >= 2*e2", "e4 - e3 <= 0.25"], 4)
     for named, plain in zip(prior_rows(prior, 4), prior_rows((prior.a, prior.b), 4), strict=True):
         assert named.tolist() == plain.tolist()
+    assert prior_rows(prior, 4)[2].tolist() == [-1, -2]  # no number of an answer
     comparator = PolytopeComparator(4, prior=prior)
     twice, slack = (
         [0.0, -2.0, 1.0, 0.0],

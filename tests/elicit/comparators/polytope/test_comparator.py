@@ -275,6 +275,17 @@ def test_ties_that_only_the_edge_of_the_band_satisfies() -> None:
     assert slack.min() > -1e-12
 
 
+def test_bounds_are_as_wide_wherever_an_equal_stands_among_the_answers() -> None:
+    d = np.array([from_tails([1.0, -1.0]), from_tails([1.0, -0.5])])
+    equal, better = Answers(d[:1], [0], ["a"]), Answers(d[1:], [1], ["b"])
+    fresh, rows = PolytopeComparator(3, tie=0.05), np.array([from_tails([1.0, -0.875])])
+    one, other = fresh.update(equal).update(better), fresh.update(better).update(equal)
+    bounds = [found.simultaneous_bounds(rows)[0] for found in (one, other)]
+    assert bounds[0] == pytest.approx(bounds[1], abs=1e-9)
+    narrow = PolytopeComparator(3, tie=0.01).update(equal).simultaneous_bounds(rows)[0]
+    assert (bounds[0] > narrow + 0.01).all()
+
+
 def test_values_do_not_depend_on_the_order_of_the_answers() -> None:
     rng = np.random.default_rng(0)
     for case in cases(53, scaled(30, 140), asks=1, most_answers=60, most_levels=15):

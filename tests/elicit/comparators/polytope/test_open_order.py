@@ -17,7 +17,7 @@ from elicit import Answer, Answers, InconsistentAnswers, OpenOrderComparator, Ve
 from elicit.person.findings import scale_rows
 from elicit.testing import check_comparator
 from qlearn.mdp.planning import optimal_policy
-from tests.thoroughness import examples
+from tests.thoroughness import examples, scaled
 
 MARGIN = 1e-6
 
@@ -141,7 +141,7 @@ def test_what_are_no_two_neighbours_is_refused(unordered: Any) -> None:
 @pytest.mark.parametrize("swap", [False, True])
 def test_a_choice_finds_the_best_for_a_tutor_of_either_order(swap: bool) -> None:
     rng = np.random.default_rng(3)
-    for _ in range(8):
+    for _ in range(scaled(4, 8)):
         truth = scale(rng, 5, (0, 1), swap)
         vectors = np.array([shares(rng, 5) for _ in range(6)])
         choosing = elicit.choose(vectors, OpenOrderComparator(5, margin=0.0, tie=0.0), order=True)
@@ -189,7 +189,7 @@ def lost(mdp: qlearn.OrdinalMDP, policy: Any, values: Any) -> float:
 def test_policy_iteration_proves_a_policy_for_a_tutor_of_either_order(
     unordered: tuple[int, int], swap: bool
 ) -> None:
-    for seed in range(2):
+    for seed in range(scaled(1, 2)):
         mdp, _ = qlearn.random_mdp(10, 3, 5, discount=0.9, seed=seed)
         truth = scale(np.random.default_rng(seed), 5, unordered, swap)
         known = OpenOrderComparator(5, unordered)

@@ -56,7 +56,7 @@ class Windows:
                 self._context.add_init_script(HURRY)
         page = self._context.new_page()
         page.set_viewport_size(size)
-        page.set_default_timeout(5000)
+        page.set_default_timeout(20_000)  # of a busy machine
         page.on("console", lambda said: self.complaints.append(said.text))
         page.on("pageerror", lambda error: self.complaints.append(str(error)))
         page.on("dialog", lambda dialog: self.complaints.append(dialog.message))
