@@ -97,6 +97,8 @@ def summary_table(frame: pd.DataFrame) -> list[str]:
     rows = []
     for method, entry in METHODS.items():
         mine = frame[frame["method"] == method]
+        if not len(mine):
+            continue
         cells = [f"{method}, fewer runs" if entry.runs else method]
         for tutor, n in shown.items():
             runs = shared[(shared["tutor"] == tutor) & (shared["method"] == method)]
@@ -180,7 +182,7 @@ def claim_table(frame: pd.DataFrame) -> list[str]:
     tutors = [*problems.TUTORS]
     rows = []
     for method, entry in METHODS.items():
-        if not entry.claims:
+        if not entry.claims or method not in set(frame["method"]):
             continue
         cells = [method, f"1% {entry.claims}"]
         for tutor in tutors:
@@ -287,19 +289,89 @@ def fewer_table(frame: pd.DataFrame, place: str) -> list[str]:
     return markdown(head, rows, 2)
 
 
-def report(frame: pd.DataFrame) -> Iterator[list[str]]:
-    """The parts of the page."""
+def by_tutors(frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Return the rows by tutor, of the runs that all methods shared."""
     shared = common(frame)
-    tutors = list(dict.fromkeys(shared["tutor"]))
-    by_tutor = {tutor: shared[shared["tutor"] == tutor] for tutor in tutors}
-    slow = few(frame)
+    return {tutor: shared[shared["tutor"] == tutor] for tutor in dict.fromkeys(shared["tutor"])}
+
+
+def counted(by_tutor: dict[str, pd.DataFrame]) -> str:
+    """Return the numbers of shared runs in words."""
+    sizes = (f"{len(part[[*KEY[:3]]].drop_duplicates())} ({t})" for t, part in by_tutor.items())
+    return ", ".join(sizes)
+
+
+def agreement_table(frame: pd.DataFrame, again: pd.DataFrame) -> list[str]:
+    """Return how alike two sets of runs rank the methods, by their mean losses over all answers."""
+    rows = []
+    first, second = by_tutors(frame), by_tutors(again)
+    for tutor, part in first.items():
+        cells = [tutor]
+        for place in PLACES:
+            means = [
+                {
+                    method: curves(runs, place)[:, 1:].mean()
+                    for method, runs in each.groupby("method")
+                }
+                for each in (part, second[tutor])
+            ]
+            both = sorted(set(means[0]) & set(means[1]))
+            found = stats.spearmanr(*([mean[method] for method in both] for mean in means))
+            ranks = [
+                1 + sorted(mean, key=lambda method: mean[method]).index(OURS) for mean in means
+            ]
+            cells += [f"{found.statistic:.2f}", f"{ranks[0]} and {ranks[1]} of {len(both)}"]
+        rows.append(cells)
+    head = ["tutor"]
+    for words in PLACES.values():
+        head += [f"rank correlation {words}", f"our posterior's rank {words}"]
+    return markdown(head, rows, 1)
+
+
+def confirmed(frame: pd.DataFrame, again: pd.DataFrame) -> Iterator[list[str]]:
+    """The parts of the page on the seeds that were used once."""
+    by_tutor = by_tutors(again)
+    slow = few(again)
     paired = {
         tutor: pd.concat([part, slow[slow["tutor"] == tutor]]) for tutor, part in by_tutor.items()
     }
-    runs = {
-        tutor: f"{len(part[['problem', 'seed']].drop_duplicates())} ({tutor})"
-        for tutor, part in by_tutor.items()
-    }
+    yield [
+        "## Confirmation on seeds that were used once",
+        "",
+        f"The same on other seeds, which nothing was chosen or changed on: {len(again):,} runs, of "
+        f"which all methods share {counted(by_tutor)}. BoTorch's qEUBO takes tenths of a second a "
+        f"question and played {len(slow)} runs. Mean losses over all answers rank the methods "
+        "thus alike in both sets of runs:",
+        "",
+        *agreement_table(frame, again),
+    ]
+    yield ["## Confirmation: in short", "", *summary_table(again)]
+    yield [
+        "## Confirmation: where another method loses less than ours",
+        "",
+        *(line for tutor, part in paired.items() for line in where_we_lose(part, tutor)),
+    ]
+    yield [
+        "## Confirmation: who loses more than random pairs",
+        "",
+        *(below_random(part, tutor) for tutor, part in paired.items()),
+    ]
+    yield ["## Confirmation: claims", "", *claim_table(again)]
+    if len(slow):
+        for place, words in PLACES.items():
+            yield [
+                f"## BoTorch's qEUBO and others in the same runs: loss {words}",
+                "",
+                "One run of each problem and tutor, with every kind of hidden scale in turn.",
+                "",
+                *fewer_table(again, place),
+            ]
+
+
+def report(frame: pd.DataFrame, again: pd.DataFrame) -> Iterator[list[str]]:
+    """The parts of the page, from the rows of the main runs and of the confirmation."""
+    by_tutor = by_tutors(frame)
+    tutors = list(by_tutor)
     yield [
         "# The contest: rivals as published, and ours",
         "",
@@ -307,15 +379,13 @@ def report(frame: pd.DataFrame) -> Iterator[list[str]]:
         "",
         "What each method is, needs and promises, and why it wins or loses: "
         "[the contest](../docs/contest.md). This page is made from the committed rows "
-        f"(`benchmarks/contest/rows.csv.xz`, {len(frame):,} runs) without a run; "
+        f"(`benchmarks/contest/rows.csv.xz`, {len(frame) + len(again):,} runs) without a run; "
         "`python -m benchmarks.contest.run --check 40` repeats 40 of them. Problems and seeds are "
-        "those of `benchmarks/contest/held_out.toml`.",
+        "those of `benchmarks/contest/held_out.toml`, which says when they were used.",
         "",
         "Losses are in percent of the value range, means with 95% t-intervals over problems and "
-        f"runs: {', '.join(runs.values())}. In these all methods meet the same problems, hidden "
-        "scales and tutors. Claims are counted over all runs of the methods that make them. The "
-        f"published qEUBO takes seconds a question and played {len(slow)} runs. It is compared run "
-        "by run with the others, and has a table of its own.",
+        f"runs: {counted(by_tutor)}. In these all methods meet the same problems, hidden "
+        "scales and tutors. Claims are counted over all runs of the methods that make them.",
         "",
         f"Of the rows: {made_of()}",
     ]
@@ -334,15 +404,16 @@ def report(frame: pd.DataFrame) -> Iterator[list[str]]:
         "Paired by problem and run, beyond the 95% interval of the difference, after "
         f"{', '.join(map(str, COMPARED))} answers:",
         "",
-        *(line for tutor, part in paired.items() for line in where_we_lose(part, tutor)),
+        *(line for tutor, part in by_tutor.items() for line in where_we_lose(part, tutor)),
     ]
     yield [
         "## Who loses more than random pairs",
         "",
         "From the start, in the mean over all numbers of answers, beyond the 95% interval:",
         "",
-        *(below_random(part, tutor) for tutor, part in paired.items()),
+        *(below_random(part, tutor) for tutor, part in by_tutor.items()),
     ]
+    yield from confirmed(frame, again)
     yield [
         "## Claims",
         "",
@@ -360,15 +431,7 @@ def report(frame: pd.DataFrame) -> Iterator[list[str]]:
             "",
             *cell_table(frame, tutor),
         ]
-    for place, words in PLACES.items():
-        yield [
-            f"## BoTorch's qEUBO and others in the same runs: loss {words}",
-            "",
-            "Two runs of each problem and tutor.",
-            "",
-            *fewer_table(frame, place),
-        ]
-    for tutor, part in paired.items():
+    for tutor, part in by_tutor.items():
         yield [f"## Questions: {tutor}", "", *count_table(part)]
     for place, words in PLACES.items():
         for tutor, part in by_tutor.items():
@@ -380,7 +443,7 @@ def report(frame: pd.DataFrame) -> Iterator[list[str]]:
                 *loss_table(part, place),
             ]
     for place, words in PLACES.items():
-        for tutor, part in paired.items():
+        for tutor, part in by_tutor.items():
             yield [
                 f"## Loss {words}, less that of {OURS!r}: {tutor}",
                 "",
@@ -454,10 +517,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("--out", type=Path)
     given = parser.parse_args(arguments)
-    frame = load()
+    frame, again = load(), load("confirmation")
     if given.out is not None:
         draw(frame, given.out.with_suffix(".svg"))
-    publish(report(frame), given.out, "of held_out.toml")
+    publish(report(frame, again), given.out, "of held_out.toml")
 
 
 if __name__ == "__main__":
