@@ -29,12 +29,13 @@ SHOWN = (0, 1, 2, 3, 5, 8, 12, 20, 30)
 PLACES = {"initial": "from the start", "worst": "at the worst state"}
 OURS, PROVEN, RANDOM = "ours: posterior", "ours: polytope", "random pairs"
 COMPARED = (3, 5, 10, 30)
-BESIDE_FEW = ("expected utility (EVOI, EUBO)", PROVEN, OURS, RANDOM)
+EXPECTED = "expected utility (EVOI, EUBO)"
+BESIDE_FEW = (EXPECTED, OURS, RANDOM)
 BANDED = 0.16  # opacity of a band
 DRAWN = {  # in the picture: a colour, a style of line, and whether there is a band
     PROVEN: (COMPARATORS["polytope"].color, "-", True),
     OURS: (COMPARATORS["posterior"].color, "-", True),
-    "expected utility (EVOI, EUBO)": ("goldenrod", "-", True),
+    EXPECTED: ("goldenrod", "-", True),
     RANDOM: (LOOKS["random questions"]["color"], "-", True),
     "minimax regret: current solution": ("tab:blue", "-", False),
     "polyhedral (Toubia)": ("tab:green", "-", False),
@@ -84,7 +85,7 @@ def true_from(losses: Floats) -> Floats:
 
 def summary_table(frame: pd.DataFrame) -> list[str]:
     """Return one table of all: losses from the start, ends, false claims, and the cost."""
-    shared = pd.concat([common(frame), few(frame)])
+    shared = common(frame)
     shown = {"truthful": 5, "flips": 10, "eq. (6)": 10, "person": 10}
     head = [
         "method",
@@ -97,7 +98,9 @@ def summary_table(frame: pd.DataFrame) -> list[str]:
     rows = []
     for method, entry in METHODS.items():
         mine = frame[frame["method"] == method]
-        cells = [f"{method}, fewer runs" if entry.runs else method]
+        if not len(mine) or entry.runs:
+            continue
+        cells = [method]
         for tutor, n in shown.items():
             runs = shared[(shared["tutor"] == tutor) & (shared["method"] == method)]
             cells.append(with_interval(curves(runs, "initial")[:, n], 2) if len(runs) else "")
@@ -180,7 +183,7 @@ def claim_table(frame: pd.DataFrame) -> list[str]:
     tutors = [*problems.TUTORS]
     rows = []
     for method, entry in METHODS.items():
-        if not entry.claims:
+        if not entry.claims or method not in set(frame["method"]):
             continue
         cells = [method, f"1% {entry.claims}"]
         for tutor in tutors:
@@ -205,10 +208,7 @@ def cell_table(frame: pd.DataFrame, tutor: str) -> list[str]:
 
 
 def apart(part: pd.DataFrame, method: str, other: str, place: str) -> Floats:
-    """Return losses of one method less those of another (runs, answers), run by run.
-
-    Of the runs that both played.
-    """
+    """Return losses of one method less those of another (runs, answers), where both played."""
     run = list(KEY[:3])
     first, second = (part[part["method"] == name].set_index(run) for name in (method, other))
     both = first.index.intersection(second.index).sort_values()
@@ -270,36 +270,101 @@ def below_random(part: pd.DataFrame, tutor: str) -> str:
 
 
 def fewer_table(frame: pd.DataFrame, place: str) -> list[str]:
-    """Return losses of slow methods, and of some others in the same runs."""
+    """Return losses of slow methods, and of some others in the same runs, over all tutors."""
     slow = few(frame)
-    runs = slow[[*KEY[:3]]].drop_duplicates()
     names = [*dict.fromkeys(slow["method"]), *BESIDE_FEW]
+    part = frame.merge(slow[[*KEY[:3]]].drop_duplicates(), on=[*KEY[:3]])
     rows = []
-    for tutor in dict.fromkeys(runs["tutor"]):
-        part = frame.merge(runs[runs["tutor"] == tutor], on=[*KEY[:3]])
-        for method in names:
-            losses = curves(part[part["method"] == method], place)
-            if not len(losses):
-                continue
-            cells = [with_interval(losses[:, n], 2) for n in COMPARED]
-            rows.append([tutor, method, str(len(losses)), *cells])
-    head = ["tutor", "method", "runs", *(f"after {n}" for n in COMPARED)]
-    return markdown(head, rows, 2)
+    for method in names:
+        losses = curves(part[part["method"] == method], place)
+        cells = [with_interval(losses[:, n], 2) for n in COMPARED]
+        d = apart(part, method, EXPECTED, place)[:, 10]
+        cells.append("" if method == EXPECTED else with_interval(d, 2, signed=True))
+        rows.append([method, str(len(losses)), *cells])
+    head = ["method", "runs", *(f"after {n}" for n in COMPARED)]
+    return markdown([*head, f"after 10, less {EXPECTED}"], rows, 1)
 
 
-def report(frame: pd.DataFrame) -> Iterator[list[str]]:
-    """The parts of the page."""
+def by_tutors(frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Return the rows by tutor, of the runs that all methods shared."""
     shared = common(frame)
-    tutors = list(dict.fromkeys(shared["tutor"]))
-    by_tutor = {tutor: shared[shared["tutor"] == tutor] for tutor in tutors}
-    slow = few(frame)
-    paired = {
-        tutor: pd.concat([part, slow[slow["tutor"] == tutor]]) for tutor, part in by_tutor.items()
-    }
-    runs = {
-        tutor: f"{len(part[['problem', 'seed']].drop_duplicates())} ({tutor})"
-        for tutor, part in by_tutor.items()
-    }
+    return {tutor: shared[shared["tutor"] == tutor] for tutor in dict.fromkeys(shared["tutor"])}
+
+
+def counted(by_tutor: dict[str, pd.DataFrame]) -> str:
+    """Return the numbers of shared runs in words."""
+    sizes = (f"{len(part[[*KEY[:3]]].drop_duplicates())} ({t})" for t, part in by_tutor.items())
+    return ", ".join(sizes)
+
+
+def agreement_table(frame: pd.DataFrame, again: pd.DataFrame) -> list[str]:
+    """Return how alike two sets of runs rank the methods, by their mean losses over all answers."""
+    rows = []
+    first, second = by_tutors(frame), by_tutors(again)
+    for tutor, part in first.items():
+        cells = [tutor]
+        for place in PLACES:
+            means = [
+                {
+                    method: curves(runs, place)[:, 1:].mean()
+                    for method, runs in each.groupby("method")
+                }
+                for each in (part, second[tutor])
+            ]
+            both = sorted(set(means[0]) & set(means[1]))
+            found = stats.spearmanr(*([mean[method] for method in both] for mean in means))
+            ranks = [
+                1 + sorted(mean, key=lambda method: mean[method]).index(OURS) for mean in means
+            ]
+            cells += [f"{found.statistic:.2f}", f"{ranks[0]} and {ranks[1]} of {len(both)}"]
+        rows.append(cells)
+    head = ["tutor"]
+    for words in PLACES.values():
+        head += [f"rank correlation {words}", f"our posterior's rank {words}"]
+    return markdown(head, rows, 1)
+
+
+def confirmed(frame: pd.DataFrame, again: pd.DataFrame) -> Iterator[list[str]]:
+    """The parts of the page on the seeds that were used once."""
+    by_tutor = by_tutors(again)
+    slow = few(again)
+    yield [
+        "## Confirmation on seeds that were used once",
+        "",
+        f"The same on other seeds, which nothing was chosen or changed on: {len(again):,} runs, of "
+        f"which all methods but BoTorch's qEUBO share {counted(by_tutor)}. Mean losses over all "
+        "answers rank the methods so much alike in both sets of runs:",
+        "",
+        *agreement_table(frame, again),
+    ]
+    yield ["## Confirmation: in short", "", *summary_table(again)]
+    yield [
+        "## Confirmation: where another method loses less than ours",
+        "",
+        *(line for tutor, part in by_tutor.items() for line in where_we_lose(part, tutor)),
+    ]
+    yield [
+        "## Confirmation: who loses more than random pairs",
+        "",
+        *(below_random(part, tutor) for tutor, part in by_tutor.items()),
+    ]
+    yield ["## Confirmation: claims", "", *claim_table(again)]
+    if len(slow):
+        for place, words in PLACES.items():
+            yield [
+                f"## BoTorch's qEUBO and others in the same runs: loss {words}",
+                "",
+                "The published qEUBO takes tenths of a second a question. It played one run of "
+                "some problems with each tutor. Losses after so many answers, over all tutors.",
+                "",
+                *fewer_table(again, place),
+            ]
+
+
+def report(frame: pd.DataFrame, again: pd.DataFrame) -> Iterator[list[str]]:
+    """The parts of the page, from the rows of the main runs and of the confirmation."""
+    by_tutor = by_tutors(frame)
+    tutors = list(by_tutor)
     yield [
         "# The contest: rivals as published, and ours",
         "",
@@ -307,15 +372,13 @@ def report(frame: pd.DataFrame) -> Iterator[list[str]]:
         "",
         "What each method is, needs and promises, and why it wins or loses: "
         "[the contest](../docs/contest.md). This page is made from the committed rows "
-        f"(`benchmarks/contest/rows.csv.xz`, {len(frame):,} runs) without a run; "
+        f"(`benchmarks/contest/rows.csv.xz`, {len(frame) + len(again):,} runs) without a run; "
         "`python -m benchmarks.contest.run --check 40` repeats 40 of them. Problems and seeds are "
-        "those of `benchmarks/contest/held_out.toml`.",
+        "those of `benchmarks/contest/held_out.toml`, which says when they were used.",
         "",
         "Losses are in percent of the value range, means with 95% t-intervals over problems and "
-        f"runs: {', '.join(runs.values())}. In these all methods meet the same problems, hidden "
-        "scales and tutors. Claims are counted over all runs of the methods that make them. The "
-        f"published qEUBO takes seconds a question and played {len(slow)} runs. It is compared run "
-        "by run with the others, and has a table of its own.",
+        f"runs: {counted(by_tutor)}. In these all methods meet the same problems, hidden "
+        "scales and tutors. Claims are counted over all runs of the methods that make them.",
         "",
         f"Of the rows: {made_of()}",
     ]
@@ -334,15 +397,16 @@ def report(frame: pd.DataFrame) -> Iterator[list[str]]:
         "Paired by problem and run, beyond the 95% interval of the difference, after "
         f"{', '.join(map(str, COMPARED))} answers:",
         "",
-        *(line for tutor, part in paired.items() for line in where_we_lose(part, tutor)),
+        *(line for tutor, part in by_tutor.items() for line in where_we_lose(part, tutor)),
     ]
     yield [
         "## Who loses more than random pairs",
         "",
         "From the start, in the mean over all numbers of answers, beyond the 95% interval:",
         "",
-        *(below_random(part, tutor) for tutor, part in paired.items()),
+        *(below_random(part, tutor) for tutor, part in by_tutor.items()),
     ]
+    yield from confirmed(frame, again)
     yield [
         "## Claims",
         "",
@@ -360,15 +424,7 @@ def report(frame: pd.DataFrame) -> Iterator[list[str]]:
             "",
             *cell_table(frame, tutor),
         ]
-    for place, words in PLACES.items():
-        yield [
-            f"## BoTorch's qEUBO and others in the same runs: loss {words}",
-            "",
-            "Two runs of each problem and tutor.",
-            "",
-            *fewer_table(frame, place),
-        ]
-    for tutor, part in paired.items():
+    for tutor, part in by_tutor.items():
         yield [f"## Questions: {tutor}", "", *count_table(part)]
     for place, words in PLACES.items():
         for tutor, part in by_tutor.items():
@@ -380,7 +436,7 @@ def report(frame: pd.DataFrame) -> Iterator[list[str]]:
                 *loss_table(part, place),
             ]
     for place, words in PLACES.items():
-        for tutor, part in paired.items():
+        for tutor, part in by_tutor.items():
             yield [
                 f"## Loss {words}, less that of {OURS!r}: {tutor}",
                 "",
@@ -454,10 +510,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("--out", type=Path)
     given = parser.parse_args(arguments)
-    frame = load()
+    frame, again = load(), load("confirmation")
     if given.out is not None:
         draw(frame, given.out.with_suffix(".svg"))
-    publish(report(frame), given.out, "of held_out.toml")
+    publish(report(frame, again), given.out, "of held_out.toml")
 
 
 if __name__ == "__main__":

@@ -1,11 +1,12 @@
 """The published qEUBO: BoTorch's own model and acquisition function (Astudillo et al. 2023).
 
-Nothing of the method is written anew. ``PairwiseGP`` is fitted to the answers with BoTorch's
-defaults after each of them, from where the last fit ended. The next question is the pair with the
-greatest ``AnalyticExpectedUtilityOfBestOption``, which for pairs is qEUBO without its sampling
-error. As in Lin et al. (2022), the utility is a function of outcomes. An outcome is the tail sums
-of a policy from the start, and the designs are the policies of a coverage set. The estimate is the
-design with the greatest posterior mean. The method has no rule to stop.
+Nothing of the method is written anew. ``PairwiseGP`` takes in each answer. Its hyperparameters are
+fitted with BoTorch's defaults after each of the first answers and then after every fifth, from
+where the last fit ended. The next question is the pair with the greatest
+``AnalyticExpectedUtilityOfBestOption``, which for pairs is qEUBO without its sampling error. As in
+Lin et al. (2022), the utility is a function of outcomes. An outcome is the tail sums of a policy
+from the start, and the designs are the policies of a coverage set. The estimate is the design with
+the greatest posterior mean. The method has no rule to stop.
 
 The order of the levels is given as one virtual comparison of each level with the next one. With
 ``linear``, the kernel is that of linear utilities, and the estimate is the best policy for the
@@ -28,6 +29,8 @@ from benchmarks.contest.harness import Question, Told
 from benchmarks.contest.small_mdp import Policy, SmallMDP, coverage_set, tails_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
+ALWAYS, SELDOM = 5, 5
+"""Hyperparameters are fitted after each of so many answers, and then after every so many."""
 LEAST_GAP = 1e-9
 """A weight below this counts as this, so that the order of the levels holds in the estimate."""
 
@@ -88,19 +91,20 @@ class BestOption:
         from botorch.models.pairwise_gp import PairwiseGP, PairwiseLaplaceMarginalLogLikelihood
 
         seen, places = np.unique(np.array(self._wins), return_inverse=True)
-        self._model = PairwiseGP(
-            self._outcomes[torch.as_tensor(seen)],
-            torch.as_tensor(places.reshape(-1, 2)),
-            covar_module=self._kernel(),
-        )
+        data = self._outcomes[torch.as_tensor(seen)], torch.as_tensor(places.reshape(-1, 2))
+        self._model = PairwiseGP(*data, covar_module=self._kernel())
         if self._fitted:
             self._model.covar_module.load_state_dict(self._fitted)  # where the last fit ended
-        likelihood = PairwiseLaplaceMarginalLogLikelihood(self._model.likelihood, self._model)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of restarts of the fit
-            with suppress(ModelFittingError):  # then the last hyperparameters stay
-                fit_gpytorch_mll(likelihood)
-        self._fitted = self._model.covar_module.state_dict()
+        answers = len(self._wins) - len(self._levels) + 1
+        if answers <= ALWAYS or answers % SELDOM == 0:
+            likelihood = PairwiseLaplaceMarginalLogLikelihood(self._model.likelihood, self._model)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of restarts of the fit
+                with suppress(ModelFittingError):  # then the last hyperparameters stay
+                    fit_gpytorch_mll(likelihood)
+            self._fitted = self._model.covar_module.state_dict()
+        else:
+            self._model.set_train_data(*data)
         with torch.no_grad():
             self._mean = self._model.posterior(self._outcomes).mean.squeeze(-1).numpy()
 
