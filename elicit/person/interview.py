@@ -444,7 +444,8 @@ class Interview(Drawing, Closing):
         if self._prospects is None and (twin := self._session.twin()) is not None:
             self._pace = pace = Pace.of(self._session.log)
             numbers = [pace.questions_in(minutes) for minutes in MINUTES]
-            prospects = Prospects(twin, numbers, self._subject.seed, self._ends)
+            subject = self._subject
+            prospects = Prospects(twin, numbers, subject.seed, self._ends, subject.enough)
             self._prospects = self._company.foresee(prospects, self._background)
 
     def _prospects_so_far(self) -> dict[str, Any]:
