@@ -313,7 +313,7 @@ class Prospects:
         Seed of the simulations.
     ends : callable
         Returns whether a session ends in front of a query.
-    enough : callable
+    enough : callable, optional
         Returns whether a result is sure enough to end. A session whose result is not counts as
         one that did not end.
     """
@@ -324,7 +324,7 @@ class Prospects:
         questions: Sequence[int],
         seed: int,
         ends: Callable[..., bool],
-        enough: Callable[[Any], bool] = lambda _: True,
+        enough: Callable[[Any], bool] | None = None,
     ) -> None:
         self._twin, self._seed, self._ends, self._enough = twin, seed, ends, enough
         self.questions = tuple(questions)
@@ -352,9 +352,9 @@ class Prospects:
                             return
                     losses.append(_loss_of(asker))
                     yield
-                enough = self._enough(copy.deepcopy(asker).result())
+                ended = self._enough is None or self._enough(copy.deepcopy(asker).result())
                 self._losses.append(losses)
-                self._lengths.append(asked if enough else math.inf)
+                self._lengths.append(asked if ended else math.inf)
         finally:
             self.ready = True
 

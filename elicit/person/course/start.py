@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from elicit.person.asker import Asker
 from elicit.tutors.answer_log import Asked
 
 START = "start"
@@ -63,6 +62,14 @@ def _as_json(facts: Sequence[tuple[str, str]]) -> list[list[str]]:
     return [list(pair) for pair in facts]
 
 
+class _Begins(Protocol):
+    """What is needed of an asker."""
+
+    def ask(self) -> Sequence[Any]: ...
+
+    def result(self) -> Any: ...
+
+
 @dataclass(frozen=True, eq=False)
 class Start:
     """A session before its first answer, of which only what is needed is computed.
@@ -70,7 +77,7 @@ class Start:
     It has what ``Before`` has.
     """
 
-    asker: Asker
+    asker: _Begins
 
     @cached_property
     def loss(self) -> float | None:

@@ -21,8 +21,8 @@ from elicit import (
     Verdict,
     choose,
 )
+from elicit.person.beside import LookAhead
 from elicit.person.interview import Interview, Subject
-from elicit.person.look_ahead import LookAhead
 from qlearn import InteractivePolicyIteration, InteractiveValueIteration, random_mdp
 from tests.interpreter import run
 from tests.thoroughness import scaled
