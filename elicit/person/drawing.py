@@ -43,10 +43,6 @@ def _unsaid(_: Any) -> None:
     return None
 
 
-def _always(_: Any) -> bool:
-    return True
-
-
 def _nothing_concluded(_: Any, before: float | None) -> Conclusion:
     return Conclusion()
 
@@ -80,9 +76,10 @@ class Subject:
         share of the value range that could be lost before the first answer, or None if unknown.
     facts : SessionFacts
         Facts that the report names.
-    enough : callable
+    enough : callable, optional
         Returns whether the outcome of ``Session.result`` is sure enough to end once the asker has
-        no question. Until then the interview asks about the levels of which most is open.
+        no question. Until then the interview asks about the levels of which most is open. Default:
+        it always is.
     """
 
     labels: tuple[str, ...]
@@ -97,7 +94,7 @@ class Subject:
         default=_nothing_concluded, repr=False
     )
     facts: SessionFacts = field(default_factory=SessionFacts)
-    enough: Callable[[Any], bool] = field(default=_always, repr=False)
+    enough: Callable[[Any], bool] | None = field(default=None, repr=False)
 
 
 class Drawing:

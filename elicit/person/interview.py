@@ -115,99 +115,36 @@ put again, which nothing else counts, with ``alike`` of them answered as before.
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 from inspect import signature
-from itertools import chain
 from typing import Any
 
-import numpy as np
-
 from elicit._support.closing import Closing
-from elicit.model.query import Answer, Query, Verdict
-from elicit.person.asker import AfterAnswer, Asker, Compares, Supposed
-from elicit.person.background import Background, Turns
+from elicit.model.query import Verdict
+from elicit.person.asker import Compares
+from elicit.person.beside import Beside, Company, in_minutes
 from elicit.person.course.choices import CHOICES, Choices
-from elicit.person.course.conduct import IN_CONFLICT, LEAST_CHECKS, ORDER, Conduct, differs
-from elicit.person.course.consequences import Consequences
-from elicit.person.course.further import LEVEL, level_question, order_question
+from elicit.person.course.conduct import IN_CONFLICT, Conduct, differs
 from elicit.person.course.pace import FEW_HASTY, Pace
 from elicit.person.course.progress import Progress
 from elicit.person.course.start import START, Start
-from elicit.person.drawing import MINUTES, Drawing, legend_of, shown_of
 from elicit.person.drawing import Subject as Subject
-from elicit.person.look_ahead import LookAhead
-from elicit.person.outlook import Outlook, Prospects
+from elicit.person.drawing import legend_of
 from elicit.person.session import Session
 from elicit.person.showing import (
     Shown,
-    near_in_whole_numbers,
     practice,
     printable,
 )
 from elicit.tutors.answer_log import CONTRADICTS, REPEATS, Entry
 
 _MORE_AFTER_CAUTION = 10  # answers until a caution that the person passed over is said again
-_ORDER_AFTER = 4  # answers before the question about the order of two levels
 _LONGEST_NAME = 80
-_FURTHER = "This question makes sure that the result does not depend on too few answers."
 
 
-@dataclass(frozen=True, eq=False)
-class _Beside:
-    """Computations beside a question (``shown``: its id) for this asker, if it could be copied."""
-
-    shown: str
-    asker: Asker
-    ahead: LookAhead | None = None
-    outlook: Outlook | None = None
-
-
-class Company(Closing):
-    """Interviews about one subject, and what they share. ``close`` ends its work.
-
-    Parameters
-    ----------
-    several : bool
-        True if there are several interviews. What one of them needs must then go on when another
-        one no longer does.
-    """
-
-    def __init__(self, several: bool = False) -> None:
-        self.turns = Turns()
-        self._several, self._lock = several, threading.Lock()
-        self._background = Background(self.turns)
-        self._prospects: Prospects | None = None
-
-    def foresee(self, prospects: Prospects, own: Background) -> Prospects:
-        """Return prospects that are computed now, or others of the same numbers of questions.
-
-        Before their first answer all people have the same prospects, so these are computed once.
-
-        Parameters
-        ----------
-        prospects : Prospects
-        own : Background
-            The interview's own, for work that nobody shares.
-        """
-        with self._lock:
-            if self._several and self._prospects is None:
-                self._prospects = prospects
-                self._background.start(prospects.steps())
-            if self._prospects is not None and self._prospects.questions == prospects.questions:
-                return self._prospects
-        own.start(prospects.steps())
-        return prospects
-
-    def close(self) -> None:
-        """End the work."""
-        self._background.close()
-
-
-class Interview(Drawing, Closing):
+class Interview(Beside, Closing):
     """A session as screens and messages (see the module).
 
     While the person reads, a thread computes the next question after each possible answer.
@@ -228,28 +165,13 @@ class Interview(Drawing, Closing):
     """
 
     def __init__(self, session: Session, subject: Subject, company: Company | None = None) -> None:
-        super().__init__(session, subject)
-        self._lock = threading.RLock()
-        self._company = company or Company()
+        super().__init__(session, subject, company or Company())
         self._over: str | None = None  # the note of an interview that takes no more answers
-        self._started = self._practised = any(not entry.retracted for entry in session.log)
-        self._put: str | None = None  # id of the query that was logged last as shown
+        self._practised = self._started
         self.shown: Shown | None = None
         """The question of the last screen, for hosts that draw it themselves; None if it has
         none.
         """
-        session.instead = self._instead
-        if subject.least:
-            session.further = self._further
-            session.check_regularly()
-        self._background = Background(self._company.turns)
-        self._beside: _Beside | None = None
-        self._prospects: Prospects | None = None
-        self._pace = Pace()  # then: whoever does not hold the lock may not read the log
-        self._weighed: Consequences[Supposed] | None = None
-        self._since: list[Verdict | None] = []  # verdicts since then
-        self._put_so_far = 0  # questions, and checks, before this one
-        self._needed = (0, 0)  # answers and checks that must still come after this question
         # whoever resumes without an answer sees the welcome, and chooses anew
         self._chosen = Choices.of(session.log.asked) if self._started else Choices()
         self._kept = replace(self._chosen)  # as the log has them
@@ -439,34 +361,6 @@ class Interview(Drawing, Closing):
         log = self._session.log
         return Conduct.of([*log]).answered + Pace.of(log).questions_in(self._chosen.minutes)
 
-    def _foresee(self) -> None:
-        """Start to compute what each budget will likely prove."""
-        if self._prospects is None and (twin := self._session.twin()) is not None:
-            self._pace = pace = Pace.of(self._session.log)
-            numbers = [pace.questions_in(minutes) for minutes in MINUTES]
-            prospects = Prospects(twin, numbers, self._subject.seed, self._ends)
-            self._prospects = self._company.foresee(prospects, self._background)
-
-    def _prospects_so_far(self) -> dict[str, Any]:
-        """Return what the budgets will likely prove, without taking the lock."""
-        now = self._prospects
-        if now is None:
-            return {"budgets": [], "settled": "", "ready": True}
-        # once somebody has started, the computation is given up
-        ready, length = now.ready or self._started, now.length()
-        settled = ""
-        if length is not None:
-            most = max(length, self._subject.least + LEAST_CHECKS)
-            settled = (
-                f"Half of the simulated sessions took at most {most} questions, about "
-                f"{_minutes(self._pace.minutes_for(most))}."
-            )
-        return {
-            "budgets": [self._in_prospect(found) for found in now.found()],
-            "settled": settled,
-            "ready": ready,
-        }
-
     def _keep(self) -> None:
         """Log the person's choices while no question is on the screen, with the one that waits."""
         if self._chosen == self._kept:
@@ -486,11 +380,6 @@ class Interview(Drawing, Closing):
             self._start = before
         self._session.shown(shown.id, shown.swapped, shown=shown.record(), **changed)
         self._put, self._kept = shown.id, replace(self._chosen)
-
-    def _first_question(self) -> Iterator[None]:
-        with self._lock:
-            self._session.question()
-        yield
 
     def _begin(self, who: str = "", budget: str = "", minutes: str = "") -> dict[str, Any]:
         self._started, self._chosen.stopped = True, False
@@ -552,49 +441,6 @@ class Interview(Drawing, Closing):
         self._chosen.slowed = True
         return "Some answers came in under a second. There is no hurry: take the time you need."
 
-    def _instead(self, query: Query, answered: Callable[[Query], bool]) -> Query | None:
-        """Return the query in place of the asker's: a check, another kind, or whole numbers."""
-        asker = self._session.current_asker()
-        if self._subject.least and isinstance(asker, Compares):
-            if (check := self._order_check(asker.comparator.k)) and not answered(check):
-                return check
-            if self._chosen.other:
-                other = level_question(
-                    asker.comparator, self._subject.of, answered, mixed_with="neighbours"
-                )
-                if other is not None:
-                    return other
-        return _in_whole_numbers(self._subject, query, answered)
-
-    def _order_check(self, k: int) -> Query | None:
-        """Return the question about two neighbouring levels that is due, or None."""
-        log = [*self._session.log]
-        conduct = Conduct.of(log)
-        n = sum(entry.answer.query.id.startswith(ORDER) for entry in log)
-        due = (conduct.answered >= _ORDER_AFTER) + (conduct.differed > 0)
-        if not self._session.audits or k < 3 or n >= due:
-            return None
-        return order_question(k, 1 + (k // 2 + n) % (k - 1))
-
-    def _further(self) -> Query | None:
-        """Return the question to put when the asker has none, or None at the end."""
-        conduct, start = Conduct.of([*self._session.log]), self._at_start()
-        needed = start is not None and not start.finished
-        few = needed and conduct.with_verdict < self._subject.least
-        if needed and not few and self._session.audits and conduct.unresolved:
-            few = self._session.confirming() is None  # then there is more to put again
-        few = few or (needed and not self._subject.enough(self._session.result()))
-        if (self._chosen.more or few) and (found := self._level_question(few)) is not None:
-            return found
-        return self._session.confirming() if needed or self._chosen.more else None
-
-    def _still_needed(self, conduct: Conduct) -> tuple[int, int]:
-        """Return how many answers, and checks besides, must come after this question."""
-        if not self._subject.least:
-            return 0, 0
-        checks = max(0, LEAST_CHECKS - conduct.checks) if self._session.audits else 0
-        return max(0, self._subject.least - conduct.with_verdict - 1), checks
-
     def _offer(self, conduct: Conduct) -> dict[str, Any] | None:
         """Return what the person is offered before the next question, or None."""
         n = conduct.answered
@@ -617,7 +463,7 @@ class Interview(Drawing, Closing):
             return {
                 "heading": f"You planned {planned} questions, and answered {n}"
                 if minutes is None
-                else f"Your {_minutes(minutes)} {'is' if minutes == 1 else 'are'} over, and you "
+                else f"Your {in_minutes(minutes)} {'is' if minutes == 1 else 'are'} over, and you "
                 f"answered {n} questions",
                 "text": "You can see the result now, or go on for a smaller uncertainty.",
                 "options": [stop, {"option": "on", "label": "Go on until it is settled"}],
@@ -713,97 +559,6 @@ class Interview(Drawing, Closing):
         self._session.withdraw(choice.removeprefix("withdraw:"), **{IN_CONFLICT: True})
         return self._screen("Thank you. The other answers stay.")
 
-    def _weigh(self, conflict: Mapping[str, Any]) -> None:
-        """Start to compute what each choice in a conflict would leave."""
-        session, id = self._session, str(conflict["id"])
-        if not session.makes_askers or (self._weighed and self._weighed.id == id):
-            return
-        last = next(e for e in reversed(session.log) if e.answer.query.id == id)
-        choices = [str(one["choice"]) for one in conflict["choices"]]
-        suppose: dict[str, Callable[[], Supposed]] = {}
-        if last.repeat:
-            first = str(last.metadata[REPEATS])
-            meant = {"second": last.answer.verdict, "equal": Verdict.EQUAL, "cannot tell": None}
-            suppose = {
-                choice: session.supposing([first], [replace(last.answer, verdict=meant[choice])])
-                if choice in meant
-                else session.supposing([])
-                for choice in choices
-            }
-        else:
-            among = [entry.answer.query.id for entry in session.contradiction()]
-            without = {"cannot tell": among, "later": []}
-            suppose = {
-                choice: session.supposing(without.get(choice, [choice.removeprefix("withdraw:")]))
-                for choice in choices
-            }
-        d = last.answer.query.d
-        sides = [np.flatnonzero(side[1:-1]) + 1 for side in (d > 0, d < 0)]  # ends are fixed
-        level = min((side for side in sides if len(side)), key=len, default=sides[0])
-        levels = level[-2:].tolist()[::-1]
-        self._weighed = Consequences(id, suppose, partial(self._left_by, levels))
-        self._background.start(self._weighed.steps())
-
-    def _consequences(self, id: str) -> dict[str, Any]:
-        """Return what the choices of a conflict would leave, without taking the lock."""
-        now = self._weighed
-        if now is None or now.id != id:
-            return {"id": id, "choices": {}, "ready": True}
-        ready = now.ready  # read first: whatever is there by then stays
-        return {"id": id, "choices": now.found(), "ready": ready}
-
-    def _compute_beside(self, shown: Shown) -> None:
-        """Start the computations beside a question, which is on the screen now."""
-        session, subject, now = self._session, self._subject, self._beside
-        asker = session.current_asker()
-        if now is not None and now.shown == shown.id and now.asker is asker:
-            return
-        before, since = None if now is None else now.outlook, tuple(self._since)
-        self._beside, self._since = _Beside(shown.id, asker), []
-        pending, query = session.next_told(), session.question()
-        other = (pending is None or pending.id != shown.id) and not session.is_repeat(shown.id)
-        instead: Iterator[None] = iter(())
-        if query is not None and other and session.makes_askers:
-            instead = session.restarts(query, shown.swapped)
-        if pending is None or (twin := session.twin()) is None:
-            self._background.start(instead)
-            return  # the asker is done, or cannot be copied
-        ahead = None
-        if now is not None and now.ahead is not None and now.ahead.waits_for(asker, pending):
-            ahead = now.ahead  # ``shown`` is, or was, a repeat
-        elif session.makes_askers and not self._rounded(pending) and not other:
-            ahead = LookAhead(
-                asker, twin, pending, self._shown(pending).swapped, session.answering(pending)
-            )
-        counted = not session.is_repeat(shown.id)
-        outlook = Outlook(
-            twin, shown, pending, subject.stakes, self._ends, subject.seed, before, since, counted
-        )
-        self._beside = _Beside(shown.id, asker, ahead, outlook)
-        looks = () if ahead is None else ahead.steps()
-        self._background.start(chain(instead, looks, outlook.steps()))
-
-    def _told_ahead(self, asker: Asker, answer: Answer) -> AfterAnswer | None:
-        """Return the asker after an answer, if computed, and give up the other computations."""
-        ahead = None if self._beside is None else self._beside.ahead
-        found = None if ahead is None else ahead.told(asker, answer)
-        self._background.stop()
-        self._since.append(answer.verdict)
-        return found
-
-    def _rounded(self, query: Query) -> bool:
-        return not self._shown(query).exact
-
-    def _ends(self, query: Query) -> bool:
-        """Return whether a session like this one has no question left in front of a query."""
-        return not self._session.makes_askers and self._rounded(query)
-
-    def _forget(self) -> None:
-        """Discard what was shown and computed."""
-        self._put = self._beside = self._weighed = None
-        self._since = []
-        self._background.stop()
-
     def _undo(self, id: str) -> dict[str, Any]:
         standing = [entry for entry in self._session.log if not entry.retracted]
         if not standing or standing[-1].answer.query.id != id:
@@ -824,54 +579,7 @@ class Interview(Drawing, Closing):
         self._session.withdraw(id)
         return self._screen("Taken back. The other answers stay.")
 
-    def _outlook(self, id: str) -> dict[str, Any]:
-        """Return the notes beside a question, without taking the lock.
-
-        Nobody waits for it, nor it for anybody.
-        """
-        now = self._beside
-        outlook = now.outlook if now is not None and now.shown == id else None
-        if outlook is None:
-            why = [_FURTHER] if id.startswith(LEVEL) and not self._chosen.more else []
-            to_come = None if self._chosen.more else self._as_forecast()
-            return {
-                "id": id,
-                "why": why,
-                "to_come": to_come,
-                "at_least": sum(self._needed),
-                "ready": True,
-            }
-        ready = outlook.ready  # read first: whatever is there by then stays
-        answers, checks = self._needed
-        to_come = (
-            self._as_forecast()
-            if outlook.to_come is None
-            else [max(answers, number) + checks for number in outlook.to_come]
-        )
-        why = [*outlook.why]
-        at_least = answers + checks
-        return {"id": id, "why": why, "to_come": to_come, "at_least": at_least, "ready": ready}
-
-    def _as_forecast(self) -> list[int] | None:
-        """Return how many questions are to come by the welcome's forecast, or None."""
-        length = None if self._prospects is None else self._prospects.length()
-        left = 0 if length is None else length - self._put_so_far - 1
-        return [left, left] if left >= max(1, sum(self._needed)) else None
-
 
 def _number(text: str) -> int | None:
     """Return a planned number of questions or minutes, or None if there is none."""
     return int(text) if text.isdecimal() and len(text) < 5 and int(text) > 0 else None
-
-
-def _minutes(n: int) -> str:
-    return "1 minute" if n == 1 else f"{n} minutes"
-
-
-def _in_whole_numbers(
-    subject: Subject, query: Query, answered: Callable[[Query], bool]
-) -> Query | None:
-    """Return a query in whole numbers near one that is not, if any was not asked yet."""
-    if shown_of(subject, query).exact:
-        return None
-    return next((near for near in near_in_whole_numbers(query) if not answered(near)), None)

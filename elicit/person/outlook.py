@@ -314,15 +314,23 @@ class Prospects:
         Seed of the simulations.
     ends : callable
         Returns whether a session ends in front of a query.
+    enough : callable, optional
+        Returns whether a result is sure enough to end. A session whose result is not counts as
+        one that did not end.
     """
 
     def __init__(
-        self, twin: Asker, questions: Sequence[int], seed: int, ends: Callable[..., bool]
+        self,
+        twin: Asker,
+        questions: Sequence[int],
+        seed: int,
+        ends: Callable[..., bool],
+        enough: Callable[[Any], bool] | None = None,
     ) -> None:
-        self._twin, self._seed, self._ends = twin, seed, ends
+        self._twin, self._seed, self._ends, self._enough = twin, seed, ends, enough
         self.questions = tuple(questions)
         self._losses: list[list[float]] = []  # of each session, after each number of questions
-        self._lengths: list[int] = []
+        self._lengths: list[float] = []  # inf: the session did not end
         self.ready = False
         """True if nothing will be added."""
 
@@ -345,8 +353,9 @@ class Prospects:
                             return
                     losses.append(_loss_of(asker))
                     yield
+                ended = self._enough is None or self._enough(copy.deepcopy(asker).result())
                 self._losses.append(losses)
-                self._lengths.append(asked)
+                self._lengths.append(asked if ended else math.inf)
         finally:
             self.ready = True
 
@@ -374,9 +383,10 @@ class Prospects:
         lengths = sorted(self._lengths)
         if len(lengths) < _FEWEST_RUNS:
             return None
-        half = lengths[len(lengths) // 2]
-        if half >= _proving(self.questions[-1]):
+        middle = lengths[len(lengths) // 2]
+        if middle >= _proving(self.questions[-1]):
             return None
+        half = int(middle)
         return half + max(LEAST_CHECKS, half // (_CHECKS - 1))
 
 

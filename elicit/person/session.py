@@ -27,15 +27,16 @@ from elicit.person.asker import (
     Asker,
     Audits,
     Compares,
+    Instead,
     MakeAsker,
     Supposed,
     counts,
     last_answer,
+    substitute,
 )
 from elicit.person.course.conduct import SETTLED, differs, repeats_in
 from elicit.person.course.repeats import Repeats
 from elicit.person.replayed_asker import ReplayedAsker
-from elicit.person.substitution import Instead, substitute
 from elicit.tutors.answer_log import (
     EXPECTED,
     REPEATS,

@@ -1,4 +1,4 @@
-"""Consequences of each choice in a conflict: how many answers it keeps, and what could be lost."""
+"""Consequences of each choice in a conflict: what a level would be worth, and the answers kept."""
 
 from __future__ import annotations
 

@@ -26,9 +26,10 @@ from elicit._support.closing import Closing
 from elicit.comparators.panel import Panel
 from elicit.diagnostics.agreement import Agreement, agreement
 from elicit.model.comparator import Comparator
+from elicit.person.beside import Company
 from elicit.person.course.progress import Progress
 from elicit.person.findings import certainty, scale_rows
-from elicit.person.interview import Company, Interview, Subject
+from elicit.person.interview import Interview, Subject
 from elicit.person.session import Session
 from elicit.person.showing import printable
 from elicit.tutors.answer_log import Entry

@@ -109,7 +109,7 @@ def test_checks_are_passed_or_look_like_chance(
     assert (one.caution() is not None) == (chance or (one.checks >= 11 and not passed))
 
 
-@pytest.mark.parametrize(("back", "stand", "said"), [(5, 1, False), (6, 6, True), (6, 7, False)])
+@pytest.mark.parametrize(("back", "stand", "said"), [(4, 1, False), (5, 9, True), (3, 11, False)])
 def test_many_answers_taken_back_as_contradictions_are_said(
     back: int, stand: int, said: bool
 ) -> None:

@@ -1,0 +1,342 @@
+"""What is computed beside the screens of an interview, in a thread, while the person reads.
+
+It is the next question after each possible answer, the notes beside a question, the forecasts of
+the welcome, and what each choice in a conflict would leave. The messages that ask for it do not
+wait for it, nor does it wait for them.
+"""
+
+from __future__ import annotations
+
+import copy
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import chain
+from typing import Any
+
+import numpy as np
+
+from elicit._support.closing import Closing
+from elicit.model.query import Answer, Query, Verdict
+from elicit.person.asker import AfterAnswer, Asker, Supposed, tell
+from elicit.person.background import Background, MadeAhead, Turns
+from elicit.person.course.conduct import LEAST_CHECKS
+from elicit.person.course.consequences import Consequences
+from elicit.person.course.further import LEVEL
+from elicit.person.course.pace import Pace
+from elicit.person.drawing import MINUTES, Subject
+from elicit.person.next_question import NextQuestion
+from elicit.person.outlook import Outlook, Prospects
+from elicit.person.session import Session
+from elicit.person.showing import Shown
+from elicit.tutors.answer_log import REPEATS
+
+_FURTHER = "This question makes sure that the result does not depend on too few answers."
+_LIKELY_FIRST = (Verdict.BETTER, Verdict.WORSE, Verdict.EQUAL, None)
+
+
+class LookAhead:
+    """Copies of an asker, each told another answer, so that their next questions are known already.
+
+    ``steps`` computes the remaining ones. It may run in another thread than ``told``.
+
+    Parameters
+    ----------
+    asker : Asker
+        The asker that has the pending query.
+    twin : Asker
+        A copy of it, which nothing else uses.
+    query : Query
+        The pending query.
+    swapped : bool
+        True if the query is shown right to left.
+    who : str, optional
+        The person who will answer.
+    """
+
+    def __init__(
+        self, asker: Asker, twin: Asker, query: Query, swapped: bool, who: str | None = None
+    ) -> None:
+        self.asker, self.query = asker, query
+        self._twin, self._swapped, self._who = twin, swapped, who
+        self._ahead = MadeAhead[Verdict | None, AfterAnswer]()
+
+    def steps(self) -> Iterator[None]:
+        """Compute one answer a step. A step that fails is left out."""
+        return self._ahead.steps(
+            {verdict: partial(self._after, verdict) for verdict in _LIKELY_FIRST}
+        )
+
+    def _after(self, verdict: Verdict | None) -> AfterAnswer:
+        asker = copy.deepcopy(self._twin)
+        answer = Answer(self.query, verdict, self._swapped, self._who)
+        found = AfterAnswer(asker, tell(asker, answer))
+        asker.ask()
+        return found
+
+    def waits_for(self, asker: Asker, query: Query) -> bool:
+        """Return whether this looks ahead to the answers to this query of this asker."""
+        return asker is self.asker and query.id == self.query.id
+
+    def told(self, asker: Asker, answer: Answer) -> AfterAnswer | None:
+        """Return the asker after this answer, or None if that was not computed.
+
+        The asker is given away. If it is being computed, the call waits for it.
+
+        Parameters
+        ----------
+        asker : Asker
+        answer : Answer
+
+        Returns
+        -------
+        AfterAnswer or None
+        """
+        if not self.waits_for(asker, answer.query) or answer.swapped != self._swapped:
+            return None
+        if answer.who != Answer(self.query, None, who=self._who).who:
+            return None
+        return self._ahead.take(answer.verdict)
+
+
+@dataclass(frozen=True, eq=False)
+class _Beside:
+    """Computations beside a question (``shown``: its id) for this asker, if it could be copied."""
+
+    shown: str
+    asker: Asker
+    ahead: LookAhead | None = None
+    outlook: Outlook | None = None
+
+
+class Company(Closing):
+    """Interviews about one subject, and what they share. ``close`` ends its work.
+
+    Parameters
+    ----------
+    several : bool
+        True if there are several interviews. What one of them needs must then go on when another
+        one no longer does.
+    """
+
+    def __init__(self, several: bool = False) -> None:
+        self.turns = Turns()
+        self._several, self._lock = several, threading.Lock()
+        self._background = Background(self.turns)
+        self._prospects: Prospects | None = None
+
+    def foresee(self, prospects: Prospects, own: Background) -> Prospects:
+        """Return prospects that are computed now, or others of the same numbers of questions.
+
+        Before their first answer all people have the same prospects, so these are computed once.
+
+        Parameters
+        ----------
+        prospects : Prospects
+        own : Background
+            The interview's own, for work that nobody shares.
+        """
+        with self._lock:
+            if self._several and self._prospects is None:
+                self._prospects = prospects
+                self._background.start(prospects.steps())
+            if self._prospects is not None and self._prospects.questions == prospects.questions:
+                return self._prospects
+        own.start(prospects.steps())
+        return prospects
+
+    def close(self) -> None:
+        """End the work."""
+        self._background.close()
+
+
+class Beside(NextQuestion):
+    """Computes beside the screens of an interview.
+
+    Parameters
+    ----------
+    session : Session
+    subject : Subject
+    company : Company
+        What it shares with other interviews.
+    """
+
+    def __init__(self, session: Session, subject: Subject, company: Company) -> None:
+        super().__init__(session, subject)
+        self._lock = threading.RLock()
+        self._company = company
+        self._background = Background(company.turns)
+        self._started = any(not entry.retracted for entry in session.log)
+        self._put: str | None = None  # id of the query that was logged last as shown
+        self._beside: _Beside | None = None
+        self._prospects: Prospects | None = None
+        self._pace = Pace()  # then: whoever does not hold the lock may not read the log
+        self._weighed: Consequences[Supposed] | None = None
+        self._since: list[Verdict | None] = []  # verdicts since then
+        self._put_so_far = 0  # questions, and checks, before this one
+        self._needed = (0, 0)  # answers and checks that must still come after this question
+
+    def _foresee(self) -> None:
+        """Start to compute what each budget will likely prove."""
+        if self._prospects is None and (twin := self._session.twin()) is not None:
+            self._pace = pace = Pace.of(self._session.log)
+            numbers = [pace.questions_in(minutes) for minutes in MINUTES]
+            subject = self._subject
+            prospects = Prospects(twin, numbers, subject.seed, self._ends, subject.enough)
+            self._prospects = self._company.foresee(prospects, self._background)
+
+    def _prospects_so_far(self) -> dict[str, Any]:
+        """Return what the budgets will likely prove, without taking the lock."""
+        now = self._prospects
+        if now is None:
+            return {"budgets": [], "settled": "", "ready": True}
+        # once somebody has started, the computation is given up
+        ready, length = now.ready or self._started, now.length()
+        settled = ""
+        if length is not None:
+            most = max(length, self._subject.least + LEAST_CHECKS)
+            settled = (
+                f"Half of the simulated sessions took at most {most} questions, about "
+                f"{in_minutes(self._pace.minutes_for(most))}."
+            )
+        return {
+            "budgets": [self._in_prospect(found) for found in now.found()],
+            "settled": settled,
+            "ready": ready,
+        }
+
+    def _first_question(self) -> Iterator[None]:
+        with self._lock:
+            self._session.question()
+        yield
+
+    def _weigh(self, conflict: Mapping[str, Any]) -> None:
+        """Start to compute what each choice in a conflict would leave."""
+        session, id = self._session, str(conflict["id"])
+        if not session.makes_askers or (self._weighed and self._weighed.id == id):
+            return
+        last = next(e for e in reversed(session.log) if e.answer.query.id == id)
+        choices = [str(one["choice"]) for one in conflict["choices"]]
+        suppose: dict[str, Callable[[], Supposed]] = {}
+        if last.repeat:
+            first = str(last.metadata[REPEATS])
+            meant = {"second": last.answer.verdict, "equal": Verdict.EQUAL, "cannot tell": None}
+            suppose = {
+                choice: session.supposing([first], [replace(last.answer, verdict=meant[choice])])
+                if choice in meant
+                else session.supposing([])
+                for choice in choices
+            }
+        else:
+            among = [entry.answer.query.id for entry in session.contradiction()]
+            without = {"cannot tell": among, "later": []}
+            suppose = {
+                choice: session.supposing(without.get(choice, [choice.removeprefix("withdraw:")]))
+                for choice in choices
+            }
+        d = last.answer.query.d
+        sides = [np.flatnonzero(side[1:-1]) + 1 for side in (d > 0, d < 0)]  # ends are fixed
+        level = min((side for side in sides if len(side)), key=len, default=sides[0])
+        levels = level[-2:].tolist()[::-1]
+        self._weighed = Consequences(id, suppose, partial(self._left_by, levels))
+        self._background.start(self._weighed.steps())
+
+    def _consequences(self, id: str) -> dict[str, Any]:
+        """Return what the choices of a conflict would leave, without taking the lock."""
+        now = self._weighed
+        if now is None or now.id != id:
+            return {"id": id, "choices": {}, "ready": True}
+        ready = now.ready  # read first: whatever is there by then stays
+        return {"id": id, "choices": now.found(), "ready": ready}
+
+    def _compute_beside(self, shown: Shown) -> None:
+        """Start the computations beside a question, which is on the screen now."""
+        session, subject, now = self._session, self._subject, self._beside
+        asker = session.current_asker()
+        if now is not None and now.shown == shown.id and now.asker is asker:
+            return
+        before, since = None if now is None else now.outlook, tuple(self._since)
+        self._beside, self._since = _Beside(shown.id, asker), []
+        pending, query = session.next_told(), session.question()
+        other = (pending is None or pending.id != shown.id) and not session.is_repeat(shown.id)
+        instead: Iterator[None] = iter(())
+        if query is not None and other and session.makes_askers:
+            instead = session.restarts(query, shown.swapped)
+        if pending is None or (twin := session.twin()) is None:
+            self._background.start(instead)
+            return  # the asker is done, or cannot be copied
+        ahead = None
+        if now is not None and now.ahead is not None and now.ahead.waits_for(asker, pending):
+            ahead = now.ahead  # ``shown`` is, or was, a repeat
+        elif session.makes_askers and not self._rounded(pending) and not other:
+            ahead = LookAhead(
+                asker, twin, pending, self._shown(pending).swapped, session.answering(pending)
+            )
+        counted = not session.is_repeat(shown.id)
+        outlook = Outlook(
+            twin, shown, pending, subject.stakes, self._ends, subject.seed, before, since, counted
+        )
+        self._beside = _Beside(shown.id, asker, ahead, outlook)
+        looks = () if ahead is None else ahead.steps()
+        self._background.start(chain(instead, looks, outlook.steps()))
+
+    def _told_ahead(self, asker: Asker, answer: Answer) -> AfterAnswer | None:
+        """Return the asker after an answer, if computed, and give up the other computations."""
+        ahead = None if self._beside is None else self._beside.ahead
+        found = None if ahead is None else ahead.told(asker, answer)
+        self._background.stop()
+        self._since.append(answer.verdict)
+        return found
+
+    def _rounded(self, query: Query) -> bool:
+        return not self._shown(query).exact
+
+    def _ends(self, query: Query) -> bool:
+        """Return whether a session like this one has no question left in front of a query."""
+        return not self._session.makes_askers and self._rounded(query)
+
+    def _forget(self) -> None:
+        """Discard what was shown and computed."""
+        self._put = self._beside = self._weighed = None
+        self._since = []
+        self._background.stop()
+
+    def _outlook(self, id: str) -> dict[str, Any]:
+        """Return the notes beside a question, without taking the lock.
+
+        Nobody waits for it, nor it for anybody.
+        """
+        now = self._beside
+        outlook = now.outlook if now is not None and now.shown == id else None
+        if outlook is None:
+            why = [_FURTHER] if id.startswith(LEVEL) and not self._chosen.more else []
+            to_come = None if self._chosen.more else self._as_forecast()
+            return {
+                "id": id,
+                "why": why,
+                "to_come": to_come,
+                "at_least": sum(self._needed),
+                "ready": True,
+            }
+        ready = outlook.ready  # read first: whatever is there by then stays
+        answers, checks = self._needed
+        to_come = (
+            self._as_forecast()
+            if outlook.to_come is None
+            else [max(answers, number) + checks for number in outlook.to_come]
+        )
+        why = [*outlook.why]
+        at_least = answers + checks
+        return {"id": id, "why": why, "to_come": to_come, "at_least": at_least, "ready": ready}
+
+    def _as_forecast(self) -> list[int] | None:
+        """Return how many questions are to come by the welcome's forecast, or None."""
+        length = None if self._prospects is None else self._prospects.length()
+        left = 0 if length is None else length - self._put_so_far - 1
+        return [left, left] if left >= max(1, sum(self._needed)) else None
+
+
+def in_minutes(n: int) -> str:
+    """Return a number of minutes in words."""
+    return "1 minute" if n == 1 else f"{n} minutes"
