@@ -22,6 +22,8 @@ from elicit import (
     TruthfulTutor,
     Verdict,
 )
+from elicit.comparators.polytope.cells import log_volume
+from elicit.lp.hit_and_run import Draws
 from qlearn import InteractivePolicyIteration, drive, policy_loss, random_mdp
 from tests.scale_arithmetic import Floats, tail_sums
 from tests.thoroughness import examples, scaled
@@ -256,3 +258,12 @@ def test_parts_of_a_single_polytope_say_where_to_look() -> None:
     for same in (copy.deepcopy(known), pickle.loads(pickle.dumps(known))):
         assert (same.compare(np.stack([D, OTHER])) == known.compare(np.stack([D, OTHER]))).all()
         assert (same.values == known.values).all()
+
+
+def test_a_volume_is_that_of_the_scatter_wherever_the_set_lies() -> None:
+    rng = np.random.default_rng(0)
+    gaps, weights = rng.dirichlet(np.ones(4), 200).T, np.full(200, 1 / 200)
+    whole = log_volume(Draws(gaps, weights, np.full(200, np.inf)))
+    assert whole == pytest.approx(0.5 * np.linalg.slogdet(np.cov(gaps[:3], bias=True))[1], abs=1e-5)
+    half = log_volume(Draws(0.5 * gaps + 0.1, weights, np.full(200, np.inf)))
+    assert half == pytest.approx(whole - 3 * np.log(2), abs=1e-5)
