@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -23,25 +24,29 @@ from elicit.catalogue import COMPARATORS, LOOKS
 from elicit.model.scale import Floats
 
 ENOUGH = 0.01
+FLOOR = 0.01  # percent: the picture shows no smaller loss
 SHOWN = (0, 1, 2, 3, 5, 8, 12, 20, 30)
 PLACES = {"initial": "from the start", "worst": "at the worst state"}
 OURS, PROVEN, RANDOM = "ours: posterior", "ours: polytope", "random pairs"
-AS_THEY_ARE = "ours: posterior, as they are"
 COMPARED = (3, 5, 10, 30)
-DRAWN = {  # in the picture, with a colour
-    PROVEN: COMPARATORS["polytope"].color,
-    OURS: COMPARATORS["posterior"].color,
-    AS_THEY_ARE: COMPARATORS["posterior"].color,
-    "minimax regret: current solution": "tab:blue",
-    "expected utility (EVOI, EUBO)": "gold",
-    "polyhedral (Toubia)": "tab:green",
-    "IDRL": "tab:purple",
-    "APReL: mutual information": "black",
-    "Gaussian process (Zintgraf)": "tab:olive",
-    "policy comparisons (Shao)": "tab:brown",
-    "bisection of each level": "tab:cyan",
-    RANDOM: LOOKS["random questions"]["color"],
+EXPECTED = "expected utility (EVOI, EUBO)"
+BESIDE_FEW = (EXPECTED, OURS, RANDOM)
+BANDED = 0.16  # opacity of a band
+DRAWN = {  # in the picture: a colour, a style of line, and whether there is a band
+    PROVEN: (COMPARATORS["polytope"].color, "-", True),
+    OURS: (COMPARATORS["posterior"].color, "-", True),
+    EXPECTED: ("goldenrod", "-", True),
+    RANDOM: (LOOKS["random questions"]["color"], "-", True),
+    "minimax regret: current solution": ("tab:blue", "-", False),
+    "polyhedral (Toubia)": ("tab:green", "-", False),
+    "IDRL": ("tab:purple", "--", False),
+    "APReL: mutual information": ("black", "--", False),
+    "Gaussian process (Zintgraf)": ("tab:olive", "--", False),
+    "policy comparisons (Shao)": ("tab:brown", ":", False),
+    "bisection of each level": ("tab:cyan", ":", False),
 }
+BARS = (5, 10, 20)
+"""Answers after which a line without a band has a bar, its 95% interval."""
 
 
 def curves(frame: pd.DataFrame, place: str) -> Floats:
@@ -51,9 +56,18 @@ def curves(frame: pd.DataFrame, place: str) -> Floats:
     return 100 * frame[names].to_numpy(dtype=np.float64)
 
 
+def few(frame: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of slow methods, which play fewer runs than the others."""
+    return frame[frame["method"].map(lambda name: METHODS[str(name)].runs > 0)]
+
+
 def common(frame: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of the runs in which every method took part, so that all meet the same."""
+    """Return the rows of the runs in which every method took part, so that all meet the same.
+
+    Slow methods are left out: they play only some of these runs.
+    """
     parts = []
+    frame = frame.drop(few(frame).index)
     for tutor in problems.TUTORS:
         part = frame[frame["tutor"] == tutor]
         runs = part.groupby(["problem", "seed"])["method"].transform("nunique")
@@ -84,6 +98,8 @@ def summary_table(frame: pd.DataFrame) -> list[str]:
     rows = []
     for method, entry in METHODS.items():
         mine = frame[frame["method"] == method]
+        if not len(mine) or entry.runs:
+            continue
         cells = [method]
         for tutor, n in shown.items():
             runs = shared[(shared["tutor"] == tutor) & (shared["method"] == method)]
@@ -167,7 +183,7 @@ def claim_table(frame: pd.DataFrame) -> list[str]:
     tutors = [*problems.TUTORS]
     rows = []
     for method, entry in METHODS.items():
-        if not entry.claims:
+        if not entry.claims or method not in set(frame["method"]):
             continue
         cells = [method, f"1% {entry.claims}"]
         for tutor in tutors:
@@ -192,11 +208,11 @@ def cell_table(frame: pd.DataFrame, tutor: str) -> list[str]:
 
 
 def apart(part: pd.DataFrame, method: str, other: str, place: str) -> Floats:
-    """Return losses of one method less those of another (runs, answers), run by run."""
-    first, second = (
-        part[part["method"] == name].sort_values(list(KEY[:3])) for name in (method, other)
-    )
-    return curves(first, place) - curves(second, place)
+    """Return losses of one method less those of another (runs, answers), where both played."""
+    run = list(KEY[:3])
+    first, second = (part[part["method"] == name].set_index(run) for name in (method, other))
+    both = first.index.intersection(second.index).sort_values()
+    return curves(first.loc[both], place) - curves(second.loc[both], place)
 
 
 def sure(d: Floats) -> int:
@@ -253,15 +269,103 @@ def below_random(part: pd.DataFrame, tutor: str) -> str:
     return f"- {tutor}: {', '.join(found) if found else 'none'}."
 
 
-def report(frame: pd.DataFrame) -> Iterator[list[str]]:
-    """The parts of the page."""
+def fewer_table(frame: pd.DataFrame, place: str) -> list[str]:
+    """Return losses of slow methods, and of some others in the same runs, over all tutors."""
+    slow = few(frame)
+    names = [*dict.fromkeys(slow["method"]), *BESIDE_FEW]
+    part = frame.merge(slow[[*KEY[:3]]].drop_duplicates(), on=[*KEY[:3]])
+    rows = []
+    for method in names:
+        losses = curves(part[part["method"] == method], place)
+        cells = [with_interval(losses[:, n], 2) for n in COMPARED]
+        d = apart(part, method, EXPECTED, place)[:, 10]
+        cells.append("" if method == EXPECTED else with_interval(d, 2, signed=True))
+        rows.append([method, str(len(losses)), *cells])
+    head = ["method", "runs", *(f"after {n}" for n in COMPARED)]
+    return markdown([*head, f"after 10, less {EXPECTED}"], rows, 1)
+
+
+def by_tutors(frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Return the rows by tutor, of the runs that all methods shared."""
     shared = common(frame)
-    tutors = list(dict.fromkeys(shared["tutor"]))
-    by_tutor = {tutor: shared[shared["tutor"] == tutor] for tutor in tutors}
-    runs = {
-        tutor: f"{len(part[['problem', 'seed']].drop_duplicates())} ({tutor})"
-        for tutor, part in by_tutor.items()
-    }
+    return {tutor: shared[shared["tutor"] == tutor] for tutor in dict.fromkeys(shared["tutor"])}
+
+
+def counted(by_tutor: dict[str, pd.DataFrame]) -> str:
+    """Return the numbers of shared runs in words."""
+    sizes = (f"{len(part[[*KEY[:3]]].drop_duplicates())} ({t})" for t, part in by_tutor.items())
+    return ", ".join(sizes)
+
+
+def agreement_table(frame: pd.DataFrame, again: pd.DataFrame) -> list[str]:
+    """Return how alike two sets of runs rank the methods, by their mean losses over all answers."""
+    rows = []
+    first, second = by_tutors(frame), by_tutors(again)
+    for tutor, part in first.items():
+        cells = [tutor]
+        for place in PLACES:
+            means = [
+                {
+                    method: curves(runs, place)[:, 1:].mean()
+                    for method, runs in each.groupby("method")
+                }
+                for each in (part, second[tutor])
+            ]
+            both = sorted(set(means[0]) & set(means[1]))
+            found = stats.spearmanr(*([mean[method] for method in both] for mean in means))
+            ranks = [
+                1 + sorted(mean, key=lambda method: mean[method]).index(OURS) for mean in means
+            ]
+            cells += [f"{found.statistic:.2f}", f"{ranks[0]} and {ranks[1]} of {len(both)}"]
+        rows.append(cells)
+    head = ["tutor"]
+    for words in PLACES.values():
+        head += [f"rank correlation {words}", f"our posterior's rank {words}"]
+    return markdown(head, rows, 1)
+
+
+def confirmed(frame: pd.DataFrame, again: pd.DataFrame) -> Iterator[list[str]]:
+    """The parts of the page on the seeds that were used once."""
+    by_tutor = by_tutors(again)
+    slow = few(again)
+    yield [
+        "## Confirmation on seeds that were used once",
+        "",
+        f"The same on other seeds, which nothing was chosen or changed on: {len(again):,} runs, of "
+        f"which all methods but BoTorch's qEUBO share {counted(by_tutor)}. Mean losses over all "
+        "answers rank the methods so much alike in both sets of runs (CPU times are of a busier "
+        "machine, which compiled during the runs, and not to be compared):",
+        "",
+        *agreement_table(frame, again),
+    ]
+    yield ["## Confirmation: in short", "", *summary_table(again)]
+    yield [
+        "## Confirmation: where another method loses less than ours",
+        "",
+        *(line for tutor, part in by_tutor.items() for line in where_we_lose(part, tutor)),
+    ]
+    yield [
+        "## Confirmation: who loses more than random pairs",
+        "",
+        *(below_random(part, tutor) for tutor, part in by_tutor.items()),
+    ]
+    yield ["## Confirmation: claims", "", *claim_table(again)]
+    if len(slow):
+        for place, words in PLACES.items():
+            yield [
+                f"## BoTorch's qEUBO and others in the same runs: loss {words}",
+                "",
+                "The published qEUBO takes tenths of a second a question. It played one run of "
+                "some problems with each tutor. Losses after so many answers, over all tutors.",
+                "",
+                *fewer_table(again, place),
+            ]
+
+
+def report(frame: pd.DataFrame, again: pd.DataFrame) -> Iterator[list[str]]:
+    """The parts of the page, from the rows of the main runs and of the confirmation."""
+    by_tutor = by_tutors(frame)
+    tutors = list(by_tutor)
     yield [
         "# The contest: rivals as published, and ours",
         "",
@@ -269,12 +373,12 @@ def report(frame: pd.DataFrame) -> Iterator[list[str]]:
         "",
         "What each method is, needs and promises, and why it wins or loses: "
         "[the contest](../docs/contest.md). This page is made from the committed rows "
-        f"(`benchmarks/contest/rows.csv.xz`, {len(frame):,} runs) without a run; "
+        f"(`benchmarks/contest/rows.csv.xz`, {len(frame) + len(again):,} runs) without a run; "
         "`python -m benchmarks.contest.run --check 40` repeats 40 of them. Problems and seeds are "
-        "those of `benchmarks/contest/held_out.toml`.",
+        "those of `benchmarks/contest/held_out.toml`, which says when they were used.",
         "",
         "Losses are in percent of the value range, means with 95% t-intervals over problems and "
-        f"runs: {', '.join(runs.values())}. In these all methods meet the same problems, hidden "
+        f"runs: {counted(by_tutor)}. In these all methods meet the same problems, hidden "
         "scales and tutors. Claims are counted over all runs of the methods that make them.",
         "",
         f"Of the rows: {made_of()}",
@@ -303,6 +407,7 @@ def report(frame: pd.DataFrame) -> Iterator[list[str]]:
         "",
         *(below_random(part, tutor) for tutor, part in by_tutor.items()),
     ]
+    yield from confirmed(frame, again)
     yield [
         "## Claims",
         "",
@@ -346,7 +451,10 @@ def made_of() -> str:
 
 
 def draw(frame: pd.DataFrame, path: Path) -> None:
-    """Draw the mean loss against answers, with 95% bands: a column a tutor, a row a place."""
+    """Draw the mean loss against answers: a column a tutor, a row a place.
+
+    Four methods have 95% bands, the others 95% bars after some numbers of answers.
+    """
     import matplotlib
 
     matplotlib.use("Agg")
@@ -354,37 +462,46 @@ def draw(frame: pd.DataFrame, path: Path) -> None:
 
     shared = common(frame)
     tutors = list(dict.fromkeys(shared["tutor"]))
-    with plt.rc_context({"svg.hashsalt": "contest", "svg.fonttype": "none", "font.size": 9}):
-        figure, axes = plt.subplots(2, len(tutors), figsize=(3.4 * len(tutors), 6.4), sharex=True)
+    with plt.rc_context({"svg.hashsalt": "contest", "svg.fonttype": "none", "font.size": 10}):
+        size = (3.4 * len(tutors), 8.4)
+        figure, axes = plt.subplots(2, len(tutors), figsize=size, sharex=True, sharey=True)
         for row, (place, words) in enumerate(PLACES.items()):
             for column, tutor in enumerate(tutors):
                 ax, part = axes[row, column], shared[shared["tutor"] == tutor]
-                for method, colour in DRAWN.items():
+                for at, method in enumerate(DRAWN):
                     losses = curves(part[part["method"] == method], place)
-                    if not len(losses):
-                        continue
-                    mean, n = losses.mean(axis=0), np.arange(losses.shape[1])
-                    half = stats.t.ppf(0.975, len(losses) - 1) * stats.sem(losses, axis=0)
-                    wide = 2.2 if method.startswith("ours") else 1.1
-                    style = "--" if method == AS_THEY_ARE else "-"
-                    mean = np.maximum(mean, 1e-3)
-                    ax.plot(n, mean, style, color=colour, label=method, linewidth=wide)
-                    low, high = np.maximum(mean - half, 1e-3), np.maximum(mean + half, 1e-3)
-                    ax.fill_between(n, low, high, color=colour, alpha=0.08, linewidth=0)
-                ax.set(yscale="log", ylim=(0.01, 30), xlim=(0, len(n) - 1))
-                ax.axhline(100 * ENOUGH, color="0.6", linewidth=0.6, linestyle=":")
+                    if len(losses):
+                        _draw_line(ax, method, losses, 0.06 * (at - len(DRAWN) / 2))
+                ax.set(yscale="log", ylim=(FLOOR, 30), xlim=(0, 30))
+                ax.axhline(100 * ENOUGH, color="0.5", linewidth=0.8, linestyle=(0, (1, 2)))
                 ax.spines[["top", "right"]].set_visible(False)
                 if not row:
                     ax.set_title(tutor)
                 else:
                     ax.set_xlabel("answers")
             axes[row, 0].set_ylabel(f"loss {words}\n(% of the value range)")
+            axes[row, 0].set_yticks([0.01, 0.1, 1, 10], ["0.01", "0.1", "1", "10"])
         handles, labels = axes[0, tutors.index("truthful")].get_legend_handles_labels()
         figure.legend(handles, labels, loc="lower center", ncols=4, frameon=False)
         figure.tight_layout(rect=(0, 0.1, 1, 1))
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, metadata={"Date": None})
         plt.close(figure)
+
+
+def _draw_line(ax: Any, method: str, losses: Floats, aside: float) -> None:
+    """Draw one mean, and its 95% band or some bars, which stand aside of each other."""
+    colour, style, banded = DRAWN[method]
+    mean, n = losses.mean(axis=0), np.arange(losses.shape[1])
+    half = stats.t.ppf(0.975, len(losses) - 1) * stats.sem(losses, axis=0)
+    low, high = (np.maximum(each, FLOOR / 10) for each in (mean - half, mean + half))
+    wide = 2.4 if method.startswith("ours") else 1.3
+    ax.plot(n, np.maximum(mean, FLOOR / 10), style, color=colour, label=method, linewidth=wide)
+    if banded:
+        ax.fill_between(n, low, high, color=colour, alpha=BANDED, linewidth=0)
+    else:
+        places = np.array(BARS)
+        ax.vlines(places + 4 * aside, low[places], high[places], color=colour, linewidth=0.9)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -394,10 +511,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("--out", type=Path)
     given = parser.parse_args(arguments)
-    frame = load()
+    frame, again = load(), load("confirmation")
     if given.out is not None:
         draw(frame, given.out.with_suffix(".svg"))
-    publish(report(frame), given.out, "of held_out.toml")
+    publish(report(frame, again), given.out, "of held_out.toml")
 
 
 if __name__ == "__main__":

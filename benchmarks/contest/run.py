@@ -1,7 +1,8 @@
 """Run the contest, or repeat some of its rows.
 
-    python -m benchmarks.contest.run --development --runs 2    rough figures on development seeds
-    python -m benchmarks.contest.run                           all held-out runs, with a journal
+    python -m benchmarks.contest.run --runs 2                  rough figures on development seeds
+    python -m benchmarks.contest.run --part held_out           all runs of the main tables
+    python -m benchmarks.contest.run --part confirmation       all runs on seeds used once
     python -m benchmarks.contest.run --check 40                repeat 40 rows: the same digits?
 
 The rows are committed, compressed: ``benchmarks/contest/rows.csv.xz``, one row a run.
@@ -27,6 +28,7 @@ from qlearn.experiments.parallel import Cell, sweep
 ROWS = Path(__file__).parent / "rows.csv.xz"
 KEY = ("problem", "tutor", "seed", "method")
 TIMED = "seconds"
+PARTS = ("held_out", "confirmation", "development")
 
 
 def run(cell: Cell) -> dict[str, Any]:
@@ -53,12 +55,17 @@ def cells(
     and of the others.
     """
     most = max(max(counts.values()) for counts in runs.values())
+    order = [*problems.PROBLEMS], [*problems.plan()["held_out"]["runs"]]
     for i in range(most):
         for name in names:
             for tutor, counts in runs.items():
+                cell = order[0].index(name) + order[1].index(tutor)
                 for method in methods:
                     entry = METHODS[method]
                     many = counts["promising" if entry.promises else "others"]
+                    if entry.runs:  # each kind of scale in turn, in every fourth run
+                        turn = (i + cell) % 4 == 0
+                        many = min(many, 4 * entry.runs) if turn else 0
                     if i < many and entry.only in ("", tutor):
                         yield {
                             "problem": name,
@@ -67,6 +74,19 @@ def cells(
                             "method": method,
                             "questions": questions,
                         }
+
+
+def planned(part: str) -> list[dict[str, Any]]:
+    """Return the runs of a part of the plan, ``held_out`` or ``confirmation``."""
+    plan = problems.plan()[part]
+    told = plan["problems"], plan["runs"], plan["first_seed"], plan["questions"]
+    return [cell for cell in cells(*told) if quick_enough(part, cell)]
+
+
+def quick_enough(part: str, cell: Mapping[str, Any]) -> bool:
+    """Whether the method plays this problem in this part: slow ones do not play all of them."""
+    slow = problems.plan()[part].get("slow_problems", problems.PROBLEMS)
+    return not METHODS[str(cell["method"])].runs or cell["problem"] in slow
 
 
 def flat(cell: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:
@@ -78,17 +98,27 @@ def flat(cell: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:
     return columns
 
 
-def load() -> pd.DataFrame:
-    """Return the committed rows, with losses as shares of the value range."""
+def load(part: str = "held_out") -> pd.DataFrame:
+    """Return the committed rows of a part of the plan, with losses as shares of the value range."""
     frame = pd.read_csv(ROWS)
+    confirmed = frame["seed"] >= problems.plan()["confirmation"]["first_seed"]
+    frame = frame[confirmed if part == "confirmation" else ~confirmed].reset_index(drop=True)
     losses = [name for name in frame if str(name).startswith(("worst", "initial"))]
     frame[losses] = frame[losses] / 1e9
     return frame
 
 
 def check(count: int) -> int:
-    """Repeat a sample of the committed rows; return how many differ in anything but seconds."""
+    """Repeat a sample of the committed rows; return how many differ in anything but seconds.
+
+    Rows of methods whose packages are not installed are left out of it.
+    """
     frame = pd.read_csv(ROWS)
+    playable = frame["method"].map(lambda name: METHODS[str(name)].playable)
+    left_out = sorted(set(frame.loc[~playable, "method"]))
+    if left_out:
+        print(f"left out, as their packages are not installed: {'; '.join(left_out)}")
+    frame = frame[playable]
     # the sample is stated: the rows whose keys have the least hashes
     order = [
         zlib.crc32("/".join(str(row[name]) for name in KEY).encode())
@@ -114,7 +144,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog="benchmarks.contest.run", description=(__doc__ or "").splitlines()[0]
     )
     parser.add_argument("--check", type=int, metavar="N", help="repeat N of the committed rows")
-    parser.add_argument("--development", action="store_true", help="on development seeds")
+    parser.add_argument("--part", choices=PARTS, default="development", help="which seeds")
     parser.add_argument("--runs", type=int, help="runs of each problem and tutor")
     parser.add_argument("--problems", nargs="+", choices=problems.PROBLEMS)
     parser.add_argument("--tutors", nargs="+", choices=[*problems.TUTORS])
@@ -128,8 +158,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from benchmarks.contest import run as here  # the name that workers and the journal know
 
     plan = problems.plan()
-    chosen = plan["development" if given.development else "held_out"]
-    runs = dict(plan["held_out"]["runs"])
+    chosen = plan[given.part]
+    runs = dict(chosen.get("runs", plan["held_out"]["runs"]))
     if given.runs is not None:
         runs = {name: {"promising": given.runs, "others": given.runs} for name in runs}
     runs = {name: runs[name] for name in given.tutors or runs}
@@ -142,6 +172,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             given.methods or [*METHODS],
         )
     )
+    todo = [cell for cell in todo if quick_enough(given.part, cell)]
+    if missing := {METHODS[str(cell["method"])].needs for cell in todo if not _playable(cell)}:
+        parser.error(f"install {', '.join(sorted(missing))}, or name other --methods")
     made_of = stamps.sources("benchmarks.contest.run")
     rows = sweep(
         here.run,
@@ -155,7 +188,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if given.out is not None:
         given.out.parent.mkdir(parents=True, exist_ok=True)
         frame.to_csv(given.out, index=False)
-        command = "python -m benchmarks.contest.run --journal FILE --out FILE"
+        command = "python -m benchmarks.contest.run --part PART --journal FILE --out FILE"
         stamp = stamps.made_now(command, "of held_out.toml", "benchmarks.contest.run")
         given.out.with_name("rows.stamp").write_text(f"{stamp}\n", encoding="utf-8")
     else:
@@ -163,6 +196,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         shown = frame.groupby(["tutor", "method"], sort=False)
         print(shown[["asked", "done", "seconds", "initial 5", "initial 10", last]].mean())
     return 0
+
+
+def _playable(cell: Mapping[str, Any]) -> bool:
+    return METHODS[str(cell["method"])].playable
 
 
 def _progress(done: int, total: int) -> None:

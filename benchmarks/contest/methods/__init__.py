@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from importlib.util import find_spec
 from typing import NamedTuple
 
 from benchmarks.contest.harness import Method
 from benchmarks.contest.methods.aprel import RULES, APReL
+from benchmarks.contest.methods.botorch_eubo import BestOption
 from benchmarks.contest.methods.expected_utility import ExpectedUtility
 from benchmarks.contest.methods.gaussian_process import OrderedElicitation
 from benchmarks.contest.methods.information_directed import InformationDirected
@@ -26,13 +28,22 @@ class Entry(NamedTuple):
 
     ``claims`` names the loss that it says is at most 1%, or is empty. ``promises`` is the chance
     with which it says so of a tutor who errs, which takes many runs to judge; 0 for no promise.
-    ``only`` is the one tutor that it takes part with, if it is made for no other.
+    ``only`` is the one tutor that it takes part with, if it is made for no other. ``runs`` is how
+    many runs of each problem and tutor a slow method plays, one in every four; 0 for all of them.
+    ``needs`` is a package that it imports, and that this project does not require.
     """
 
     make: Callable[[], Method]
     claims: str = ""
     promises: float = 0.0
     only: str = ""
+    runs: int = 0
+    needs: str = ""
+
+    @property
+    def playable(self) -> bool:
+        """Whether the package that it needs is installed."""
+        return not self.needs or find_spec(self.needs) is not None
 
 
 METHODS: Mapping[str, Entry] = {
@@ -44,6 +55,8 @@ METHODS: Mapping[str, Entry] = {
     "minimax regret: current solution": Entry(partial(MinimaxRegret, "current solution"), START),
     "minimax regret: largest gap": Entry(partial(MinimaxRegret, "largest gap"), START),
     "expected utility (EVOI, EUBO)": Entry(ExpectedUtility, START),
+    "qEUBO (BoTorch)": Entry(BestOption, runs=1, needs="botorch"),
+    "qEUBO (BoTorch), linear kernel": Entry(partial(BestOption, True), runs=1, needs="botorch"),
     "IDRL": Entry(InformationDirected),
     **{f"APReL: {rule}": Entry(partial(APReL, rule)) for rule in RULES},
     "Gaussian process (Zintgraf)": Entry(OrderedElicitation),

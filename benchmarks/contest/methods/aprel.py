@@ -2,8 +2,9 @@
 
 Written anew after the package's code, with its defaults: a set of 40 trajectories, questions chosen
 among all their pairs, a softmax model of the user, and 100 samples of weights of length one by
-Metropolis-Hastings. ``tests/benchmarks/contest/test_aprel.py`` compares the acquisition functions
-with figures that the package itself computed. Differences:
+Metropolis-Hastings. ``tests/benchmarks/contest/test_methods.py`` compares acquisition functions,
+chosen questions and means of the sampler with figures that the package itself computed.
+Differences:
 
 - Features are tail sums, and no weight is negative: that is the order of the levels.
 - A trajectory is the expected shares of a run. Half of the set follow policies that are best for
@@ -14,7 +15,7 @@ with figures that the package itself computed. Differences:
 - Max regret is that of Wilde, Kulic and Smith (2020), by ratios, as IDRL's code has it: how much
   reward each scale loses by the other's best trajectory. The package's code divides the reward of
   one trajectory under two scales. So it asked, on the development seeds, 9 times of 10 about two
-  equal trajectories.
+  equal trajectories. (As published it stops with an error: its set of trajectories has no length.)
 - The policy is the best one for the mean weights. The package itself stops at the weights.
 """
 

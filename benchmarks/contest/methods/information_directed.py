@@ -10,7 +10,9 @@ Written anew after the authors' code. Each question in two steps:
 The Gaussian is over the gaps between levels. Its prior has the mean and covariance of uniformly
 drawn ordered scales (the authors': mean zero), and Laplace's approximation takes in the answers, as
 in the authors' version for preferences with networks. Their tables instead read an answer as a
-noisy difference of plus or minus one. The questions compare 40 trajectories and the policies of
+noisy difference of plus or minus one. The variance that an answer would leave is compared with a
+figure that the authors' code computed. The Gaussian knows the order of the levels only from its
+mean, as it has a place for nothing else. The questions compare 40 trajectories and the policies of
 step 1. The estimate is the best policy for the mean. It has no rule to stop.
 """
 

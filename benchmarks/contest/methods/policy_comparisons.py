@@ -10,6 +10,9 @@ weights of at least 0. Objectives are tail sums, so the weights are the gaps bet
    with a mixture of the benchmark and "do nothing", here the worst level for ever.
 4. The weights solve the linear equations that the ratios make.
 
+The authors do the searches one after the other. Here the next question is about the ratio that is
+known least, which takes as many questions in all and leaves a better estimate on the way.
+
 The authors' bounds on weights are not needed: the order of the levels says that none is negative.
 Before a ratio is known its middle value is used, so that there is an estimate at any time. It ends
 once every ratio is known to ``PRECISION``, and then claims a near-optimal policy from the start.
@@ -56,15 +59,18 @@ class PolicyComparisons:
             self._next += 1
         if not self._basis:
             self._find_basis()
-        for i in range(1, len(self._basis)):
-            low, high = self._ranges[i]
-            if not self._closed[i]:
-                self._at, self._ratio = i, high
-                return self._compared(i, high)
-            if (high - low) / 2 > PRECISION:
-                self._at, self._ratio = i, (low + high) / 2
-                return self._compared(i, self._ratio)
-        return None
+        lengths = [round(high - low, 9) for low, high in self._ranges]
+        unknown = [
+            i
+            for i in range(1, len(self._basis))
+            if not self._closed[i] or lengths[i] / 2 > PRECISION
+        ]
+        if not unknown:
+            return None
+        i = max(unknown, key=lambda i: (not self._closed[i], lengths[i]))
+        low, high = self._ranges[i]
+        self._at, self._ratio = i, (low + high) / 2 if self._closed[i] else high
+        return self._compared(i, self._ratio)
 
     def tell(self, verdict: int) -> None:
         if not self._basis:

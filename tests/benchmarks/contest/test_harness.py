@@ -71,20 +71,36 @@ def test_all_methods_meet_the_same_problems_scales_and_tutors():
     assert {cell["seed"] for cell in cells if cell["tutor"] == "truthful"} == {7, 8}
     for method, entry in METHODS.items():
         mine = [cell for cell in cells if cell["method"] == method]
-        assert len(mine) == (2 if entry.only else 3)
+        assert len(mine) == (2 if entry.only else 3) or entry.runs
 
 
 def test_the_seed_of_a_method_is_not_that_of_its_problem():
     assert as_seed({"seed": 1}) not in (1, as_seed({"seed": 2}))
 
 
-def test_held_out_seeds_are_not_those_of_development():
+@pytest.mark.parametrize("part", ["held_out", "confirmation"])
+def test_held_out_seeds_are_not_those_of_development(part):
     plan = problems.plan()
-    assert set(plan["held_out"]["problems"]) == set(problems.PROBLEMS)
-    assert plan["held_out"]["first_seed"] > plan["development"]["first_seed"] + 1000
-    assert set(plan["held_out"]["runs"]) == set(problems.TUTORS)
-    for counts in plan["held_out"]["runs"].values():
-        assert counts["promising"] >= counts["others"] >= 8  # every kind of scale twice
+    assert set(plan[part]["problems"]) == set(problems.PROBLEMS)
+    assert plan[part]["first_seed"] > plan["development"]["first_seed"] + 1000
+    assert set(plan[part]["runs"]) == set(problems.TUTORS)
+    for counts in plan[part]["runs"].values():
+        assert counts["promising"] >= counts["others"] >= 4  # every kind of scale
+
+
+def test_the_seeds_of_the_confirmation_are_not_those_of_the_main_runs():
+    plan = problems.plan()
+    most = max(max(counts.values()) for counts in plan["held_out"]["runs"].values())
+    assert plan["held_out"]["first_seed"] + most <= plan["confirmation"]["first_seed"]
+
+
+def test_a_slow_method_plays_fewer_runs_with_every_kind_of_scale():
+    plan = problems.plan()["confirmation"]
+    for method, entry in METHODS.items():
+        mine = [cell for cell in contest.planned("confirmation") if cell["method"] == method]
+        if entry.runs:
+            assert len(mine) == entry.runs * len(plan["slow_problems"]) * len(problems.TUTORS)
+            assert {cell["seed"] % 4 for cell in mine} == {0, 1, 2, 3}
 
 
 def test_a_method_that_promises_nothing_may_have_fewer_runs():

@@ -102,10 +102,40 @@ def test_aprel_has_the_figures_of_the_package():
     """The right sides were computed by the package's own functions on the same numbers."""
     w = np.array([[0.6, 0.8, 0.0], [0.48, 0.64, 0.6], [0.8, 0.0, 0.6], [0.28, 0.96, 0.0]])
     logs = np.array([-0.5, -1.0, -2.0, -0.25])
-    f = np.array([[0.9, 0.5, 0.1], [0.7, 0.6, 0.3]])
-    chance = expit(10.0 * (f[0] - f[1]) @ w.T)[None]
-    assert package.mutual_information(chance) == pytest.approx(0.050907737273359926)
+    f = np.array([[0.9, 0.5, 0.1], [0.7, 0.6, 0.3], [0.2, 0.9, 0.4], [0.5, 0.5, 0.5]])
+    belief = package.Belief(f, 10.0, np.random.default_rng(0))
+    belief.belief.weights, belief.belief.logs = w, logs
+    information = package.mutual_information(expit(belief.rewards()))
+    assert information == pytest.approx(
+        [
+            0.05090773727335994,  # trajectories 0 and 1
+            0.39886825471136544,  # 0 and 2
+            0.13026268208956854,  # 0 and 3
+            0.2787084634302155,  # 1 and 2
+            0.06165123926145652,  # 1 and 3
+            0.41122525789320236,  # 2 and 3
+        ],
+        rel=1e-12,
+    )
+    assert package.by_information(belief) == (2, 3)
     assert package.disagreement(w[:2], logs[:2]) == pytest.approx(0.2294547154687666)
+    assert set(package.by_disagreement(belief)) == {0, 2}
+    assert set(package.by_thompson(belief)) == {0, 2}
+
+
+def test_the_sampler_of_aprel_has_the_mean_of_the_package():
+    """The package's sampler, with no weight below 0: three chains of 3,000 draws each.
+
+    Their means were .580, .565, .559 for the first weight, .512, .535, .506 for the second and
+    .634, .628, .657 for the third.
+    """
+    f = np.array([[0.9, 0.5, 0.1], [0.7, 0.6, 0.3], [0.2, 0.9, 0.4], [0.5, 0.5, 0.5]])
+    belief = package.UnitWeights(3, 10.0, np.random.default_rng(0))
+    for winner, loser in ((0, 1), (2, 1), (3, 2)):
+        belief.tell(f[winner] - f[loser], 1)
+    belief.SAMPLES = 9000
+    belief.tell(np.zeros(3), 1)  # says nothing: a longer chain of the same posterior
+    assert belief.mean == pytest.approx([0.568, 0.518, 0.640], abs=0.03)
 
 
 @pytest.mark.parametrize(("rule", "one"), [("disagreement", False), ("max regret", True)])
@@ -139,16 +169,33 @@ def test_volume_removal_is_nothing_for_equal_trajectories():
     assert package.volume_removal(rewards) == pytest.approx([0.0, 0.5 * (1 - np.exp(-3)), 0.0])
 
 
-def test_the_gaussian_process_has_the_figures_of_the_authors():
-    """Means of the authors' own code; its variances have a jitter of .01 in the curvature."""
-    points = np.array([[0.1, 0.9], [0.5, 0.6], [0.8, 0.3], [0.9, 0.05], [0.3, 0.7]])
-    process = GaussianProcess(points, 0.1)
-    for winner, loser in ((1, 0), (1, 2), (2, 3)):
-        process.tell(winner, loser)
-    means = [0.44746133, 0.81775507, 0.52825338, 0.24489402, 0.57904036]
-    variances = [0.38736875, 0.26162283, 0.26195632, 0.31707251, 0.60519225]
-    assert process.mean == pytest.approx(means, abs=2e-8)
-    assert process.variance == pytest.approx(variances, abs=2e-3)
+@pytest.mark.parametrize(
+    ("linear", "means", "variances"),
+    [
+        (
+            True,
+            [0.44746131, 0.81775507, 0.52825339, 0.24489403, 0.57904036],
+            [0.38736875, 0.26162283, 0.26195632, 0.31707251, 0.60519225],
+        ),
+        (
+            False,
+            [-0.08362439, 0.23158745, 0.01059908, -0.20186278, 0.06175792],
+            [0.22814346, 0.16031878, 0.16547734, 0.17767326, 0.58688981],
+        ),
+    ],
+)
+def test_the_gaussian_process_has_the_figures_of_the_authors(linear, means, variances):
+    """Of the authors' own code; its variances have a jitter of .01 in the curvature.
+
+    With the prior mean of zero, four points beat the worst vector and lose to the best one.
+    """
+    points = np.array([[0.1, 0.9], [0.5, 0.6], [0.8, 0.3], [0.9, 0.05], [0.3, 0.7], [0, 0], [1, 1]])
+    process = GaussianProcess(points, 0.1, linear)
+    process.tell((1, 0), (1, 2), (2, 3))
+    if not linear:
+        process.tell(*((i, 5) for i in range(4)), *((6, i) for i in range(4)))
+    assert process.mean[:5] == pytest.approx(means, abs=1e-7)
+    assert process.variance[:5] == pytest.approx(variances, abs=2e-3)
 
 
 def test_query_iteration_finds_about_the_best_pair_of_policies():
@@ -172,6 +219,16 @@ def test_idrl_foretells_the_variance_that_an_answer_leaves():
     after = np.linalg.inv(np.linalg.inv(belief.covariance) + more)
     assert belief.left_after(d, about) == pytest.approx([about @ after @ about])
     assert np.ones(3) @ belief.mean == pytest.approx(1.0, abs=0.02)
+
+
+def test_idrl_has_the_figure_of_the_authors():
+    """The right side was computed by the authors' ``get_conditional_cov`` on the same numbers."""
+    belief = Laplace(3, 20.0)
+    rows = np.array([[0.2, -0.1, 0.05], [-0.3, 0.4, 0.1], [0.1, 0.1, -0.2]])
+    belief.mean, belief._rows = np.array([0.5, 0.2, 0.3]), rows
+    belief.covariance = np.linalg.inv(belief._curvature(expit(20.0 * rows @ belief.mean)))
+    found = belief.left_after(np.array([[0.1, -0.2, 0.1]]), np.array([0.3, -0.3, 0.2]))
+    assert found == pytest.approx([0.005927750034107226], rel=1e-12)
 
 
 def test_the_mode_of_idrl_is_where_the_slope_is_nothing():
@@ -199,6 +256,31 @@ def test_policy_comparisons_find_every_ratio():
         assert high - low <= 0.0201 or ratio == pytest.approx(1.0)
 
 
+def test_policy_comparisons_take_as_many_questions_as_binary_search():
+    """The authors promise so many: a logarithm for each basis policy, one for each objective."""
+    mdp = problems.problem("fishery", 1)
+    method = PolicyComparisons()
+    run = played(method, "fishery", 1, 60)
+    p, ratios = mdp.k - 1, len(method._basis) - 1
+    halvings = int(np.ceil(np.log2(2.0 / 0.02)))  # from 0..2 to 0.01 either way
+    assert 0 < run["done"] <= p - 1 + ratios * (1 + halvings)
+
+
+def test_both_sides_of_a_polyhedral_question_are_equally_good_for_the_centre():
+    mdp, values = (
+        problems.problem("fishery", 1),
+        problems.scale(problems.problem("fishery", 1).k, 1),
+    )
+    method, tutor = Polyhedral(), elicit.TruthfulTutor(values)
+    method.start(mdp, TRUTHFUL, 0)
+    apart = []
+    for n in range(8):
+        left, right = method.question()
+        apart.append(abs(tails_of(left - right) @ method._centre))
+        method.tell(int(tutor(elicit.Query.make("x", n, left, right)).verdict))
+    assert np.median(apart) < 1e-9
+
+
 def test_the_centre_of_the_polyhedral_method_is_that_of_the_polytope():
     method, gaps = after(Polyhedral(), "fishery", 1, 4)
     d = np.column_stack([method._rows, np.zeros(len(method._rows))])
@@ -217,7 +299,7 @@ def test_contradictions_do_not_stop_the_polyhedral_method():
 
 def test_nobody_is_below_random_pairs_but_those_that_the_page_explains():
     """Over some runs with a truthful tutor: the mean loss from the start over 12 answers."""
-    explained = ("Gaussian", "policy comparisons", "APReL", "IDRL")
+    explained = ("Gaussian", "policy comparisons", "APReL", "IDRL", "qEUBO")
     names = [name for name in METHODS if not any(part in name for part in explained)]
     area = {}
     for name in names:

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from benchmarks import stamps
-from benchmarks.contest import problems, redraw
+from benchmarks.contest import redraw
 from benchmarks.contest import run as contest
 from benchmarks.contest.methods import METHODS
 from tests.report_cases import table_rows
@@ -21,13 +21,15 @@ def frame():
     return contest.load()
 
 
-def test_there_is_a_row_for_every_run_of_the_plan(frame):
-    plan = problems.plan()["held_out"]
-    cells = contest.cells(
-        plan["problems"], plan["runs"], plan["first_seed"], plan["questions"], [*METHODS]
-    )
-    wanted = {tuple(cell[name] for name in contest.KEY) for cell in cells}
-    found = [tuple(row) for row in frame[list(contest.KEY)].itertuples(index=False)]
+@pytest.fixture(scope="module")
+def again():
+    return contest.load("confirmation")
+
+
+@pytest.mark.parametrize("part", ["held_out", "confirmation"])
+def test_there_is_a_row_for_every_run_of_the_plan(part):
+    wanted = {tuple(cell[name] for name in contest.KEY) for cell in contest.planned(part)}
+    found = [tuple(row) for row in contest.load(part)[[*contest.KEY]].itertuples(index=False)]
     assert len(found) == len(wanted)
     assert set(found) == wanted
 
@@ -53,10 +55,10 @@ def _parts(text):
 
 
 @pytest.mark.slow
-def test_the_page_is_drawn_from_the_rows_without_a_run(frame, tmp_path, monkeypatch):
+def test_the_page_is_drawn_from_the_rows_without_a_run(frame, again, tmp_path, monkeypatch):
     monkeypatch.setattr(contest, "run", None)
     begun = time.process_time()
-    text = "\n".join(line for part in redraw.report(frame) for line in part)
+    text = "\n".join(line for part in redraw.report(frame, again) for line in part)
     redraw.draw(frame, tmp_path / "contest.svg")
     assert time.process_time() - begun < 100
     assert (tmp_path / "contest.svg").read_text(encoding="utf-8").count("ours: posterior")
