@@ -333,7 +333,8 @@ def confirmed(frame: pd.DataFrame, again: pd.DataFrame) -> Iterator[list[str]]:
         "",
         f"The same on other seeds, which nothing was chosen or changed on: {len(again):,} runs, of "
         f"which all methods but BoTorch's qEUBO share {counted(by_tutor)}. Mean losses over all "
-        "answers rank the methods so much alike in both sets of runs:",
+        "answers rank the methods so much alike in both sets of runs (CPU times are of a busier "
+        "machine, which compiled during the runs, and not to be compared):",
         "",
         *agreement_table(frame, again),
     ]
