@@ -1,4 +1,4 @@
-"""What was known before the first answer: the loss that was possible, and if anything was open.
+"""Facts from before the first answer: the loss that was possible, and if anything was open.
 
 It takes a second to compute where the problem is large, so the log keeps it, as metadata of a line
 that says which question was asked. A program that does not know it reads such a log as before.
@@ -20,7 +20,7 @@ START = "start"
 
 
 class Before(NamedTuple):
-    """What was known before the first answer.
+    """The state of knowledge before the first answer.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ def _as_json(facts: Sequence[tuple[str, str]]) -> list[list[str]]:
 
 
 class _Begins(Protocol):
-    """What is needed of an asker."""
+    """The parts of an asker that are needed."""
 
     def ask(self) -> Sequence[Any]: ...
 
