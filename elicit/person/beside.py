@@ -1,8 +1,8 @@
-"""What is computed beside the screens of an interview, in a thread, while the person reads.
+"""Computations beside the screens of an interview, in a thread, while the person reads.
 
-It is the next question after each possible answer, the notes beside a question, the forecasts of
-the welcome, and what each choice in a conflict would leave. The messages that ask for it do not
-wait for it, nor does it wait for them.
+They are the next question after each possible answer, the notes beside a question, the forecasts
+of the welcome, and what each choice in a conflict would leave. The messages that ask for them do
+not wait for them, and they wait for no message.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ class LookAhead:
 
 
 @dataclass(frozen=True, eq=False)
-class _Beside:
+class _Computed:
     """Computations beside a question (``shown``: its id) for this asker, if it could be copied."""
 
     shown: str
@@ -169,7 +169,7 @@ class Beside(NextQuestion):
         self._background = Background(company.turns)
         self._started = any(not entry.retracted for entry in session.log)
         self._put: str | None = None  # id of the query that was logged last as shown
-        self._beside: _Beside | None = None
+        self._beside: _Computed | None = None
         self._prospects: Prospects | None = None
         self._pace = Pace()  # then: whoever does not hold the lock may not read the log
         self._weighed: Consequences[Supposed] | None = None
@@ -257,7 +257,7 @@ class Beside(NextQuestion):
         if now is not None and now.shown == shown.id and now.asker is asker:
             return
         before, since = None if now is None else now.outlook, tuple(self._since)
-        self._beside, self._since = _Beside(shown.id, asker), []
+        self._beside, self._since = _Computed(shown.id, asker), []
         pending, query = session.next_told(), session.question()
         other = (pending is None or pending.id != shown.id) and not session.is_repeat(shown.id)
         instead: Iterator[None] = iter(())
@@ -277,7 +277,7 @@ class Beside(NextQuestion):
         outlook = Outlook(
             twin, shown, pending, subject.stakes, self._ends, subject.seed, before, since, counted
         )
-        self._beside = _Beside(shown.id, asker, ahead, outlook)
+        self._beside = _Computed(shown.id, asker, ahead, outlook)
         looks = () if ahead is None else ahead.steps()
         self._background.start(chain(instead, looks, outlook.steps()))
 

@@ -67,8 +67,10 @@ class NextQuestion(Drawing):
         if needed and not few and self._session.audits and conduct.unresolved:
             few = self._session.confirming() is None  # then there is more to put again
         enough = self._subject.enough
-        if needed and not few and enough is not None:
-            few = not enough(self._session.result())
+        if needed and not few and enough is not None and not enough(self._session.result()):
+            if (check := self._session.checking()) is not None:
+                return check
+            few = True
         if (self._chosen.more or few) and (found := self._level_question(few)) is not None:
             return found
         return self._session.confirming() if needed or self._chosen.more else None

@@ -215,6 +215,10 @@ class Session(Closing):
         """Return an earlier question to put again before the end, or None."""
         return self._repeats.confirming() if self.audits else None
 
+    def checking(self) -> Query | None:
+        """Return an earlier question that it is time to put again, or None."""
+        return self._repeats.due() if self.audits else None
+
     def at_start(self) -> Asker | None:
         """Return a new asker that knows no answer, or None if the session cannot make one."""
         return self._replayed.at_start()

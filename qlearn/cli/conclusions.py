@@ -214,11 +214,13 @@ def choice_conclusion(
         after += " More answers would make it surer." if result.loss_bound > 0 else ""
     else:
         headline = f"The choice is open. The best guess so far is “{result.name}”."
-        after = f"Another alternative may be better by as much as {most}. More answers help."
+        after = f"Another alternative may be better by as much as {most}. {sure} More answers help."
+        sure = ""  # it belongs to that sentence, not to the headline
     unasked = (
         ""
         if before is None
-        else f"Before your first answer it could have been {told.loss(before)}."
+        else "Before your first answer another alternative could have been better by as much as "
+        f"{told.loss(before)}."
     )
     rows = tuple((name, "chosen" if name == result.name else "") for name in names)
     return Conclusion(

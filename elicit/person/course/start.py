@@ -1,4 +1,4 @@
-"""The start of a session: the loss that was possible before the first answer, and what was open.
+"""Facts from before the first answer: the loss that was possible, and if anything was open.
 
 It takes a second to compute where the problem is large, so the log keeps it, as metadata of a line
 that says which question was asked. A program that does not know it reads such a log as before.
@@ -62,8 +62,8 @@ def _as_json(facts: Sequence[tuple[str, str]]) -> list[list[str]]:
     return [list(pair) for pair in facts]
 
 
-class Asks(Protocol):
-    """An asker, as far as the start of a session needs it."""
+class _Begins(Protocol):
+    """The parts of an asker that are needed."""
 
     def ask(self) -> Sequence[object]:
         """Return the open questions."""
@@ -79,7 +79,7 @@ class Start:
     It has what ``Before`` has.
     """
 
-    asker: Asks
+    asker: _Begins
 
     @cached_property
     def loss(self) -> float | None:
