@@ -27,7 +27,7 @@ _NUDGE = 1e-12  # how far floats follow the tie-break, relative to the largest e
 
 
 class End(Enum):
-    """How a run of the simplex ended."""
+    """The end of a run of the simplex method."""
 
     OPTIMAL = "a vertex that no constraint and no multiplier contradicts"
     EMPTY = "no point satisfies the rows in `support`"

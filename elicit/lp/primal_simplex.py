@@ -17,9 +17,9 @@ from elicit.model.difference_kernel import largest
 from elicit.model.scale import Floats
 
 CERTAIN_POINT, CORNER, DOUBTFUL_CORNER = 0, 1, 2
-"""What a known corner is good for: its point alone, its point and its basis, its basis alone. A
-later cut may have taken the corner itself, by a hair, and left the point beside it: a basis is
-where to start, no proof of its own."""
+"""Use of a known vertex: its point alone, its point and its basis, or its basis alone. A later cut
+may have removed the vertex itself, and left the point beside it. So a basis is a place to start
+from, and proves nothing."""
 USED, SLOT, ROW = (
     0,
     1,
