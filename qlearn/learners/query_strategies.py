@@ -1,8 +1,7 @@
 """Strategies: small functions that score candidates for a question.
 
 The candidate with the greatest score is asked about. A strategy is any function from ``Candidates``
-to scores (n,), or the name of one of those here. Of equal scores the first is taken. An example of
-your own:
+to scores (n,), or the name of one of those here. Of equal scores the first is taken. Your own:
 
     def closest_to_even_odds(candidates):
         left_better = (candidates.scores > 0) @ candidates.weights return -abs(left_better - 0.5)
