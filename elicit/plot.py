@@ -406,18 +406,18 @@ def preference_graph(
 ) -> Axes:
     """Draw ``graph.preference_graph`` in layers, better vectors above worse ones.
 
-    On a circle some arrows lead upwards.
+    On a cycle some arrows lead upwards.
 
-    Solid arrows: answers "better". Dashed lines: "equal". Dotted arrows: dominance, without what
-    follows from other dominance. Of more than 30 nodes, no arrow is drawn that follows from others,
-    whether answers or dominance, unless it is on a cycle or leads upwards.
+    Solid arrows are answers "better", and dashed lines answers "equal". Dotted arrows are
+    dominance, transitively reduced. With more than 30 nodes, answers and dominance are transitively
+    reduced together, except for arrows on a cycle and arrows that lead upwards.
 
     Parameters
     ----------
     graph : networkx.DiGraph
         As ``graph.preference_graph`` makes it.
     names : mapping or sequence of str, optional
-        A text for each node. By default its shares in percent, worst level first; of more than 30
+        A text for each node. By default its shares in percent, worst level first. With more than 30
         nodes there is no room for these, and ``graph.nodes[number]["vector"]`` has them.
     cycles : iterable of Cycle, optional
         Those of ``graph.cycles(graph)`` are drawn in colour and bold.

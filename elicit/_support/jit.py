@@ -1,8 +1,7 @@
-"""Interpret first, compile with numba what lasts, and keep the machine code on disk.
+"""Interpret first, compile functions that have run for five seconds, and keep the code on disk.
 
-A call from Python of a function that is ``compiled`` runs machine code where that is on the disk;
-else the function and all that it calls are interpreted, to the same numbers, until that has taken
-five seconds. So a few lines wait for no compiler, and what takes minutes is compiled after seconds.
+If the machine code is on the disk, a call runs it; otherwise it is interpreted, with identical
+results. So a few lines wait for no compiler, and minutes of work are compiled after seconds.
 
 ``NUMBA_DISABLE_JIT=1`` interprets always; ``ELICIT_COMPILE_FIRST=1`` compiles at the first call.
 """

@@ -1,10 +1,8 @@
 """The policy of an elicitation, in code that numba can compile.
 
-It says what decides one pair, in which order.
-
-The one statement of it is ``settle``, for whole arrays (``Elicitation.judge``) and for the
-learners' compiled loops. It goes by ``Facts``; where one is missing that is needed, it says which,
-and whoever calls finds it out.
+It says what decides a pair, and in which order. ``settle`` states it once, for whole arrays
+(``Elicitation.judge``) and for the learners' compiled loops. It goes by ``Facts``. If a fact is
+missing, it says which one, and the caller finds it out.
 """
 
 from typing import Any, NamedTuple
@@ -44,23 +42,21 @@ class AskingRule(NamedTuple):
     """The state of an elicitation, as plain arrays."""
 
     indifference: float
-    audit: float  # share of the pairs settled by answers that the tutor is to confirm
-    key: Any  # np.uint64, of what is drawn
+    audit: float  # share of the pairs decided by answers that the tutor is to confirm
+    key: Any  # np.uint64, the key of the random numbers
     answered: PairTable  # all pairs that were answered
-    plain: (
-        bool  # no audits, and no answer that is not to be overruled: a comparator's verdict stands
-    )
-    unclear: bool  # whether somewhere the tutor could not tell
-    guess: NDArray[np.float64]  # (p,) gaps to go by where the tutor is not to be asked; else (0,)
+    plain: bool  # no audits and no binding answers, so that a comparator's verdict stands
+    unclear: bool  # True if the tutor could not tell somewhere
+    guess: NDArray[np.float64]  # (p,) gaps to go by if the tutor is not to be asked; else (0,)
 
 
 class Facts(NamedTuple):
-    """Facts about a pair (or about n, as arrays int64); UNSETTLED: not looked up."""
+    """Facts about a pair (or about n, as int64 arrays). UNSETTLED: not looked up."""
 
     verdict: Any  # the comparator's own
     tier: Any  # of that verdict
     unclear: Any  # 1 if the tutor could not tell at the same place, else 0
-    close: Any  # EQUAL where d.e is proven to lie within the indifference, else UNKNOWN
+    close: Any  # EQUAL if d.e is proven to lie within the indifference, else UNKNOWN
 
 
 class Judgement(NamedTuple):
@@ -70,19 +66,19 @@ class Judgement(NamedTuple):
     """
 
     verdict: Any
-    # who settled it; UNKNOWN by another than TUTOR is an audit: the tutor is to confirm what is
-    # settled
+    # the tier that decided it; UNKNOWN with another tier than TUTOR is an audit, in which the tutor
+    # is to confirm a decision
     tier: Any
-    certified: Any  # whether ``judge`` wrote a certificate
-    needed: Any  # which fact
+    certified: Any  # True if ``judge`` wrote a certificate
+    needed: Any  # the fact that is needed
 
 
 @compiled
 def settle(t: Any, asking: AskingRule, facts: Facts) -> Judgement:
-    """Decide a pair by the policy.
+    """Decide a pair with tail sums t (p,) by the policy.
 
-    The pair has tail sums t (p,), and the comparator's verdict on it is among the facts. Perhaps
-    the tutor must be asked.
+    The comparator's verdict on it is among the facts. The result may be that the tutor must be
+    asked.
     """
     verdict, tier = facts.verdict, facts.tier
     if verdict == UNSETTLED:
@@ -111,7 +107,7 @@ def settle(t: Any, asking: AskingRule, facts: Facts) -> Judgement:
 
 @compiled
 def settle_rows(rows: Any, t: Any, asking: AskingRule, facts: Facts, out: Judgement) -> None:
-    """``settle`` for these rows of tail sums t (n, p), into the arrays (n,) of ``out``."""
+    """Write the results of ``settle`` for these rows of tail sums t (n, p) into ``out``."""
     for i in rows:
         found = settle(
             t[i], asking, Facts(facts.verdict[i], facts.tier[i], facts.unclear[i], facts.close[i])
@@ -123,10 +119,10 @@ def settle_rows(rows: Any, t: Any, asking: AskingRule, facts: Facts, out: Judgem
 def judge_pair(
     d: Any, t: Any, sums: Any, certificate: Any, rule: Rule, asking: AskingRule
 ) -> Judgement:
-    """Decide a difference d (k,) on which dominance is silent, by ``settle``.
+    """Decide by ``settle`` a difference d (k,) that dominance leaves open.
 
-    It goes as far as compiled code can find out the facts, with the comparator's rule. Overwrites t
-    and sums (p,); ``certificate`` is as for ``judge``.
+    Facts are looked up as far as compiled code can, with the comparator's rule. t and sums (p,) are
+    overwritten. ``certificate`` is as for ``judge``.
     """
     for j in range(len(t)):
         sums[j] = t[j]
@@ -145,11 +141,11 @@ def judge_pair(
 
 @compiled
 def judgement(verdict: int, tier: int) -> Judgement:
-    """A judgement that needs nothing more."""
+    """Return a judgement that needs no further fact."""
     return Judgement(verdict, tier, False, NO_FACT)
 
 
 @compiled
 def missing(fact: int) -> Judgement:
-    """Only with this fact can the pair be judged."""
+    """Return the judgement that a fact is needed first."""
     return Judgement(UNSETTLED, UNSETTLED, False, fact)

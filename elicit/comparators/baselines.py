@@ -49,11 +49,11 @@ class _Unlearning:
         return self
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Return verdicts on differences."""
+        """Return verdicts (n,) on differences (n, k)."""
         return decide_by(self.rule, as_differences(d, self.k)).verdicts
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Return the least and the greatest d.e over every ordered scale."""
+        """Return the least and the greatest d.e (n,) of rows (n, k) over every ordered scale."""
         return order_bounds(tail_sums(as_differences(d, self.k)), 0.0)
 
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
@@ -69,7 +69,7 @@ class _Unlearning:
 
 
 class Dominance(_Unlearning):
-    """A comparator by eq. (4) alone: it decides only what holds for every scale.
+    """A comparator by eq. (4) alone: it decides the differences on which every scale agrees.
 
     It needs no answers.
 

@@ -1,12 +1,12 @@
-"""Several people as one comparator: what is known of the mean of their scales.
+"""Several people as one comparator over the mean of their scales.
 
-Each member has a comparator of their own, and learns only from their own answers. The panel's scale
-is the weighted mean e = w_1 e_1 + ... + w_n e_n, so d.e lies between the weighted sums of the
-members' bounds on it. A verdict is given if that settles its sign.
+Each member has a comparator of their own, which learns only from their own answers. The panel's
+scale is the weighted mean e = w_1 e_1 + ... + w_n e_n. So d.e lies between the weighted sums of the
+members' bounds on it. A verdict is given if these decide its sign.
 
 People may disagree about the sign of a difference d. Then the sign of the mean depends on how far
 d.e is from 0 for each of them, which no answer about d itself says. So a member may be asked about
-d less c times the step from the worst level to the best: the answer says whether d.e exceeds c.
+d less c times the step from the worst level to the best. The answer says whether d.e exceeds c.
 """
 
 from __future__ import annotations
@@ -53,29 +53,31 @@ from elicit.model.query import Answers, InconsistentAnswers, Verdict, as_who
 from elicit.model.scale import Floats
 
 _KEY = name_code("draws of a panel")
-_ROUNDING = 1e-9  # of |d|_1: sums of bounds nearer to 0 than that have no sign
-_RESOLUTION = 1e-7  # of the value range: a member whose d.e is known as well can tell nothing more
+_ROUNDING = 1e-9  # times |d|_1: smaller sums of bounds have no sign
+_RESOLUTION = (
+    1e-7  # share of the value range: a member whose d.e is known as precisely can tell nothing more
+)
 _EVEN = 0.25  # share of a member's interval on either side of 0 from which d itself is asked about
 _FORMS = 12  # questions about d in any form to a member who may err; fewer left problems unfinished
-_STEPS = 64  # c is a multiple of about this part of the interval, the same on every processor
-_GRID = 2.0**40  # of which weights are whole numbers, coarser than their rounding errors
+_STEPS = 64  # number of steps of c in the interval, about: c is the same on every processor
+_GRID = 2.0**40  # weights are whole multiples of its inverse, coarser than their rounding errors
 
 
 class Panel:
     """A comparator over the mean of several people's scales.
 
-    A frozen value, as all comparators are. ``elicit.Comparator`` says what its methods take and
-    return. Bounds are the weighted sums of the members', and hold with at least 1 less the sum of
-    what the members lack in confidence. If every member's bounds depend on draws, such as those of
-    ``PosteriorComparator``, draws of the mean scale combine theirs as independent of each other,
-    and a policy's loss is bounded by these at the least of the members' levels.
+    It is a frozen value, as all comparators are. ``elicit.Comparator`` says what its methods take
+    and return. Bounds are the weighted sums of the members'. Their confidence is at least 1 less
+    the sum of each member's shortfall from 1. If every member's bounds depend on draws, such as
+    those of ``PosteriorComparator``, the panel has draws of the mean scale, which combine theirs as
+    independent. Then these bound a policy's loss, at the least of the members' levels.
 
-    With one member it is that member: the same questions, verdicts and bounds.
+    With one member the panel gives the member's own questions, verdicts and bounds.
 
     Parameters
     ----------
     members : mapping of str to Comparator
-        The comparator of each person. What they know already, the panel knows.
+        The comparator of each person. The panel starts with all that they know.
     weights : mapping of str to float, or sequence of float, optional
         Weight of each person's scale in the mean, above 0; only their ratios matter. Default: equal
         weights.
@@ -92,7 +94,7 @@ class Panel:
     people : tuple of str
         The names, in their order.
     answers : Answers
-        All answers, with ``who`` gave each.
+        All answers, each with the person who gave it (``who``).
 
     Raises
     ------
@@ -147,7 +149,7 @@ class Panel:
         return _again, (dict(self.members), dict(self.weights), self.answers, self.aim)
 
     def __getattr__(self, name: str) -> Any:
-        """Return an optional part, if the members have what it is made of."""
+        """Return an optional part, if the members have the part that it is made of."""
         if name.startswith("_") or "members" not in vars(self):
             raise AttributeError(name)
         if len(self.people) == 1 and name in _PARTS:
@@ -176,15 +178,15 @@ class Panel:
         return self._summed([low for low, _ in both]), self._summed([high for _, high in both])
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Return verdicts on differences.
+        """Return verdicts (n,) on differences (n, k).
 
-        They are those on which all members agree, and those of the sign of the sum of bounds.
+        A verdict is the one on which all members agree, or else the sign of the sums of bounds.
         """
         return decide_by(self.rule, as_differences(d, self.k), self.settle).verdicts
 
     @property
     def rule(self) -> Rule:
-        """Dominance alone, or the rule of the only member."""
+        """The rule of the only member, or dominance alone if there are several."""
         if len(self.people) > 1:
             return nothing()
         if compares_by_rule(type(self._only)):
@@ -193,7 +195,7 @@ class Panel:
 
     @one_thread
     def settle(self, d: Floats) -> Decisions:
-        """Decide differences that the order of the levels leaves open."""
+        """Return verdicts and tiers (n,) of differences (n, k) that dominance leaves open."""
         if len(self.people) == 1:
             member = self._only
             by_rule = compares_by_rule(type(member)) and offers(member, "settle")
@@ -220,7 +222,7 @@ class Panel:
         Parameters
         ----------
         answers : Answers
-            With ``who`` gave each. With one member they need not say.
+            Each names the person who gave it (``who``). With one member that may be left out.
 
         Returns
         -------
@@ -255,12 +257,13 @@ class Panel:
         return _again(members, self.weights, told, self.aim)
 
     def whom(self, d: ArrayLike, besides: Sequence[str] = ()) -> PersonAsked | None:
-        """Return whom to ask about a difference d (k,), and the difference to ask them about.
+        """Return the member to ask about a difference d (k,), and the difference to ask them about.
 
-        It is the member whose weighted interval of d.e is the widest, and d itself, unless the sign
-        of d.e is nearly known for them. Then it is d less c times the step from the worst level to
-        the best, whose sign tells whether d.e exceeds c. Nobody is asked the same twice, and whose
-        comparator allows for errors at most 12 times about d in any form.
+        It is the member whose weighted interval of d.e is the widest. They are asked about d
+        itself, unless the sign of d.e is nearly known for them. Then they are asked about d less c
+        times the step from the worst level to the best. The sign of that tells whether d.e exceeds
+        c. Nobody is asked the same twice. A member whose comparator allows for errors is asked at
+        most 12 times about d in any form.
 
         Parameters
         ----------
@@ -319,7 +322,7 @@ class Panel:
         return list(self.members.values())
 
     def _summed(self, of_each: Sequence[Floats]) -> Floats:
-        """Return the weighted sum of one array a member, in their order."""
+        """Return the weighted sum of the members' arrays, one for each member, in their order."""
         if len(of_each) == 1:
             return of_each[0]
         total = np.zeros_like(of_each[0])
@@ -336,9 +339,9 @@ class Panel:
 
     @cached_property
     def _mean_draws(self) -> Draws | None:
-        """Draws of the mean scale: the members' draws, equally likely and in a random order each.
+        """Draws of the mean scale, or None if a member has no draws.
 
-        None as long as a member has none.
+        Each member's draws are resampled to equal weight and shuffled.
         """
         own = [draws_in(member) for member in self._each]
         if any(draws is None for draws in own):
@@ -356,7 +359,7 @@ class Panel:
 
 
 class _Combination:
-    """An optional part of a panel: the part of its members that it is made of, and how."""
+    """An optional part of a panel: ``made`` makes it from the members' part ``of``."""
 
     def __init__(self, of: str, made: Callable[[Panel], Any]) -> None:
         self.of, self.made = of, made
@@ -389,7 +392,7 @@ def _again(
     answers: Answers,
     aim: Literal["mean", "worst"],
 ) -> Panel:
-    """Return a panel of these members, which were told these answers."""
+    """Return a panel of these members, who gave these answers."""
     panel = object.__new__(Panel)
     panel.aim = aim
     panel.k = answers.k
@@ -401,7 +404,7 @@ def _again(
 def _weights(
     people: Sequence[str], weights: Mapping[str, float] | Sequence[float] | None
 ) -> dict[str, float]:
-    """Return the weight of each person, of total 1. Raises ValueError."""
+    """Return the weight of each person, 1 in total. Raise ValueError if the weights do not fit."""
     given: list[Any] = []
     if isinstance(weights, Mapping):
         given = [weights.get(name) for name in people] if {*weights} == {*people} else []
@@ -418,7 +421,7 @@ def _weights(
 
 
 def _contradiction_of(name: str, error: InconsistentAnswers, told: Answers) -> InconsistentAnswers:
-    """Return a member's contradiction as one of the panel's answers, computed when it is read."""
+    """Return a member's contradiction as the panel's; it is computed when first read."""
 
     def parts() -> tuple[str, tuple[tuple[int, str], ...], bool]:
         rows = [row for row, who in enumerate(told.who) if who == name]
@@ -443,7 +446,7 @@ def _less(d: Floats, low: float, high: float) -> Floats:
 
 
 def _about(d: Floats, tails: Floats) -> NDArray[np.bool_]:
-    """Return which of the differences of tail sums (n, p) are d (k,) in some form."""
+    """Return flags (n,) of the differences of tail sums (n, p) that are d (k,) in some form."""
     t = tail_sums(d[None])[0]
     flat = t - t.mean()
     others = tails - tails.mean(axis=1, keepdims=True)
@@ -453,7 +456,7 @@ def _about(d: Floats, tails: Floats) -> NDArray[np.bool_]:
 
 
 def _equally_likely(weights: Floats, m: int) -> NDArray[np.int64]:
-    """Return m of the draws with these weights, each as often as its weight says."""
+    """Return the numbers (m,) of m draws, each as often as its weight (n,) says."""
     total = np.round(np.cumsum(weights) * _GRID) / _GRID
     at = (np.arange(m) + 0.5) / m
     return np.minimum(total.searchsorted(at), len(weights) - 1)

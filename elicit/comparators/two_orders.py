@@ -1,4 +1,4 @@
-"""The two orders of a scale of which one step is open, and vectors and scales in each of them."""
+"""The two orders of a scale with one open step, and vectors and scales in each of them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Order = tuple[int, ...]  # level numbers, from the worst to the best
 def open_step(k: int, unordered: Sequence[int]) -> tuple[int, int]:
     """Return the two neighbouring levels, the lower first, whose order is open.
 
-    Raises ValueError for anything else.
+    Raise ValueError for anything else.
     """
     pair = sorted(unordered) if np.size(unordered) == 2 else []
     neighbours = all(is_whole(level, 0) for level in pair) and np.diff(pair).tolist() == [1]
@@ -38,7 +38,7 @@ def orders_of(k: int, unordered: tuple[int, int]) -> tuple[Order, Order]:
 
 
 def filled_up(d: Floats) -> Floats:
-    """Return differences (n, k) whose totals are 0: what is missing counts as time at level 1."""
+    """Return differences (n, k) whose totals are 0: a missing total counts as time at level 1."""
     rows = d.copy()
     rows[:, 0] = -tail_sums(d)[:, 0]
     return rows
@@ -47,8 +47,8 @@ def filled_up(d: Floats) -> Floats:
 def together(parts: Sequence[tuple[Order, Draws]], shares: Floats) -> Draws:
     """Return draws of scales of several orders as draws in the given order.
 
-    ``shares`` (one a part, total 1) are the weights of the orders. The gap between the two levels
-    is negative in one order.
+    ``shares``, one for each part and 1 in total, are the weights of the orders. The gap between the
+    two levels is negative in one order.
     """
     gaps, weights, precisions = [], [], []
     for share, (order, own) in zip(shares.tolist(), parts, strict=True):

@@ -1,4 +1,4 @@
 """Decisions on differences, the same for Python and for compiled loops.
 
-Imports from ``lp``, ``model`` and ``_support``.
+They import from ``lp``, ``model`` and ``_support``.
 """

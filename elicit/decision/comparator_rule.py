@@ -1,8 +1,8 @@
 """A comparator's knowledge as plain arrays: the rule by which ``decision.judge_kernel`` decides.
 
-A loop that compares by the million cannot call Python for each comparison. It takes a comparator's
-``rule`` anew after every update. One type for all rules, so that code that judges is compiled once,
-for whatever comparator.
+A loop that compares millions of pairs cannot call Python for each comparison. It takes a
+comparator's ``rule`` anew after every update. All rules have one type, so that the code that
+decides is compiled once for all comparators.
 """
 
 from functools import cache
@@ -15,11 +15,11 @@ from elicit.model.comparator import Comparator, Decisions
 from elicit.model.scale import Floats
 
 NOTHING, ASKING, SILENT, PROVEN, OUTER, WEIGHTED, ENSEMBLE, BOX = range(8)
-PROOFS = (PROVEN, OUTER)  # whose arrays compiled code writes to
+PROOFS = (PROVEN, OUTER)  # the kinds whose arrays compiled code writes to
 
 
 class Rule(NamedTuple):
-    """How to judge: by ``kind``, with the arrays that it needs; the others are empty."""
+    """A comparator's knowledge: a kind, and the arrays that this kind needs, others empty."""
 
     kind: int
     dominance: bool  # whether eq. (4) decides before anything else
@@ -30,82 +30,93 @@ class Rule(NamedTuple):
 
 
 class Ruled(Protocol):
-    """A comparator that judges by a rule."""
+    """A comparator that decides by a rule."""
 
     @property
     def rule(self) -> Rule:
-        """What it knows, as plain arrays."""
+        """The comparator's knowledge as plain arrays."""
 
 
 @runtime_checkable
 class Settling(Protocol):
-    """A comparator that can tell what its rule leaves open."""
+    """A comparator that can decide the differences that its rule leaves open."""
 
     def settle(self, d: Floats) -> Decisions:
-        """Verdicts and tiers (n,) of differences d (n, k) that the rule leaves UNSETTLED."""
+        """Return verdicts and tiers (n,) of differences d (n, k) that the rule leaves UNSETTLED."""
 
 
 @cache
 def nothing() -> Rule:
-    """No arrays: beyond dominance, only the comparator itself can tell."""
+    """Return a rule without arrays: beyond dominance, only the comparator itself can decide."""
     known = nothing_known(0.0, np.empty((0, 0)), np.empty(0), corners=0)
     return Rule(NOTHING, True, known, np.empty((0, 0)), np.empty(0), 0.0)
 
 
 def unaided() -> Rule:
-    """No arrays, and dominance says nothing either: only the comparator itself can tell."""
+    """Return a rule that decides nothing, not even dominance: only the comparator itself can."""
     return nothing()._replace(dominance=False)
 
 
 def asking() -> Rule:
-    """Everything is UNKNOWN but what is EQUAL."""
+    """Return the rule of a comparator that knows nothing: all is UNKNOWN but what is EQUAL."""
     return nothing()._replace(kind=ASKING, dominance=False)
 
 
 def silent() -> Rule:
-    """Beyond the order of the levels nothing is known: every other comparison is UNKNOWN."""
+    """Return the rule that knows the order of the levels only: all else is UNKNOWN."""
     return nothing()._replace(kind=SILENT)
 
 
 def proven(known: Known) -> Rule:
-    """By proofs about K_t."""
+    """Return the rule that decides by proofs about K_t."""
     return nothing()._replace(kind=PROVEN, known=known)
 
 
 def outer(known: Known, inside: Floats) -> Rule:
-    """By proofs about a set around that of the plausible scales, and by points inside (p, m): what
-    they leave open, only the comparator can tell."""
+    """Return the rule that decides by proofs about a set that contains all plausible scales.
+
+    ``inside`` (p, m) are plausible scales, which show that both signs occur. Only the comparator
+    itself can decide the differences that these leave open.
+    """
     return nothing()._replace(kind=OUTER, known=known, scales=np.ascontiguousarray(inside))
 
 
 def weighted(gaps: Floats, weights: Floats, level: float) -> Rule:
-    """BETTER where scales of gaps (p, m) that carry the weight ``level`` say so; weights (m,) of
-    total 1.
+    """Return the rule that decides by the weight of the scales that share a sign.
+
+    The verdict is BETTER if scales of gaps (p, m) that carry the weight ``level`` say so. The
+    weights (m,) total 1.
     """
     return nothing()._replace(kind=WEIGHTED, scales=gaps, weights=weights, level=level)
 
 
 def ensemble(gaps: Floats, left_out: int) -> Rule:
-    """BETTER where the last of the scales of gaps (p, m) says so, and all but so many of the
-    others.
+    """Return the rule that decides by the number of the scales that share a sign.
+
+    The verdict is BETTER if the last of the scales of gaps (p, m) says so, and all but ``left_out``
+    of the others.
     """
     return nothing()._replace(kind=ENSEMBLE, scales=gaps, level=float(left_out))
 
 
 def box(low: Floats, high: Floats) -> Rule:
-    """BETTER where the whole box of values low (p,) to high (p,) of levels 2..k says so."""
+    """Return the rule that decides by a box of values, low (p,) to high (p,) for levels 2..k.
+
+    The verdict is BETTER if the whole box says so.
+    """
     return nothing()._replace(kind=BOX, scales=np.ascontiguousarray(np.stack([low, high], axis=1)))
 
 
 def rule_of(comparator: Comparator) -> Rule:
-    """The comparator's rule; ``nothing()`` where it does not compare by one."""
+    """Return the comparator's rule, or ``nothing()`` if it does not compare by one."""
     return cast(Ruled, comparator).rule if compares_by_rule(type(comparator)) else nothing()
 
 
 @cache
 def compares_by_rule(kind: type) -> bool:
-    """Whether a class of comparators has a ``rule``, and no class derived from that one compares
-    otherwise.
+    """Return whether a class of comparators has a ``rule`` that its ``compare`` follows.
+
+    It does not if a class derived from the one with the rule has a ``compare`` of its own.
     """
     places = [*enumerate(kind.__mro__)][::-1]
     first = {
@@ -115,7 +126,9 @@ def compares_by_rule(kind: type) -> bool:
 
 
 def outlasts_answers(rule: Rule) -> bool:
-    """Whether what ``judge`` found with a rule before these answers still holds with this one:
-    verdicts proven of K_t do, while it has points inside (on a flat one a preference can become a
-    tie)."""
+    """Return whether earlier verdicts of a rule still hold with this later one.
+
+    Verdicts that are proven of K_t do, as long as K_t has points inside. In a flat K_t a preference
+    can become a tie.
+    """
     return rule.kind == PROVEN and not np.isnan(rule.known.inside[0])

@@ -1,8 +1,8 @@
-"""The one judge: what a comparator's rule says of a difference, in compiled code.
+"""Verdicts of a comparator's rule on differences, in compiled code.
 
-``judge_all`` serves ``compare``, an elicitation and whole arrays; ``judge`` serves the loops that
-compare by the million, one pair at a time. What a rule leaves open (an optimum that is 0, or
-nearly; a comparator without a rule) comes back UNSETTLED, and the comparator itself settles it
+``judge_all`` serves ``compare``, an elicitation and whole arrays. ``judge`` serves the loops that
+compare millions of pairs, one at a time. A rule leaves a difference UNSETTLED if an optimum is 0,
+or nearly, or if the comparator has no rule. Then the comparator itself decides it
 (``decision.verdicts``).
 """
 
@@ -36,16 +36,15 @@ from elicit.model.difference_kernel import (
 )
 
 BY_MODEL = int(Tier.MODEL)
-NEAR = 1e-12  # of the largest tail sum: what is no farther from 0 at a point inside may be 0
+NEAR = 1e-12  # of the largest tail sum: a score no farther from 0 at a point inside may be 0
 BLOCK = 256  # differences whose tail sums are held at once
 
 
 @compiled
 def judge_all(d: Any, rule: Rule, verdicts: Any, tiers: Any) -> int:
-    """Write verdicts (n,) and tiers (n,) of differences d (n, k), dominance included, into the last
-    two arguments.
+    """Write verdicts (n,) and tiers (n,) of differences d (n, k) into the last two arguments.
 
-    Returns the number of those left UNSETTLED.
+    Dominance is included. Return the number of those left UNSETTLED.
     """
     n, k = d.shape
     t, row, nothing, left = np.empty((BLOCK, k - 1)), np.empty(k), np.empty(0), 0
@@ -72,12 +71,14 @@ def judge_all(d: Any, rule: Rule, verdicts: Any, tiers: Any) -> int:
 
 @compiled
 def judge(d: Any, t: Any, shift: float, certificate: Any, rule: Rule) -> tuple[int, int, bool]:
-    """Verdict (or UNSETTLED) and tier of a difference d (k,) with tail sums t (p,), on which
-    dominance is silent; and whether there is a certificate. Overwrites t.
+    """Return the verdict and tier of one difference, and whether there is a certificate.
 
-    ``shift`` judges the sign of d.e + shift in place of that of d.e. ``certificate`` is (p,) to
-    write in, or (0,) where none is wanted: whatever lies above one has the same verdict
-    (``certifies``), while the answers stay as they are; of a rule that is PROVEN, for ever.
+    The difference d (k,) has the tail sums t (p,), which are overwritten. Dominance must have been
+    tested before. The verdict may be UNSETTLED. It is on the sign of d.e + shift.
+
+    ``certificate`` is (p,) to write in, or (0,) if none is wanted. Tail sums that lie above it
+    (``certifies``) have the same verdict, as long as no answer is added. If the rule is PROVEN,
+    they keep it for ever.
     """
     kind = rule.kind
     if kind in (PROVEN, OUTER):
@@ -88,7 +89,7 @@ def judge(d: Any, t: Any, shift: float, certificate: Any, rule: Rule) -> tuple[i
             if verdict != UNKNOWN:
                 return verdict, BY_SCREEN, False
             certificate = certificate[:0]
-        # called from here, for each call that hands on all that is known costs as much as a proof
+        # called from here, since each call that hands on ``known`` takes as long as a proof
         found = np.empty(2, dtype=np.int8)
         found[0] = UNKNOWN
         one = t.reshape(1, len(t))
@@ -118,15 +119,17 @@ def judge(d: Any, t: Any, shift: float, certificate: Any, rule: Rule) -> tuple[i
 
 @compiled
 def within(d: Any, t: Any, indifference: float, rule: Any) -> int:
-    """EQUAL where |d.e| is proven not to exceed the indifference, else UNKNOWN; UNSETTLED as
-    ``judge`` has it. Overwrites t with nothing of use."""
+    """Return EQUAL if |d.e| is proven not to exceed the indifference, else UNKNOWN.
+
+    The result is UNSETTLED if ``judge`` leaves it so. The contents of t are lost.
+    """
     copy, nothing = t.copy(), np.empty(0)
     for side in (1, -1):
         least = 0.0
         for j in range(len(t)):
             t[j] = copy[j]
             least = min(least, side * t[j])
-        if least >= -indifference:  # for every ordered scale
+        if least >= -indifference:  # proven for every ordered scale
             continue
         verdict = judge(d, t, side * indifference, nothing, rule)[0]
         if verdict == UNSETTLED:
@@ -138,8 +141,10 @@ def within(d: Any, t: Any, indifference: float, rule: Any) -> int:
 
 @compiled
 def certifies(certificates: Any, row: int, side: int, t: Any) -> bool:
-    """Whether t (p,), with the sign of ``side``, lies above one row of the certificates (n, p),
-    that of an earlier verdict of that sign, which then is that of t too."""
+    """Return whether t (p,), with the sign of ``side``, lies above a row of certificates (n, p).
+
+    The row is that of an earlier verdict of that sign. If t lies above it, t has the same verdict.
+    """
     sign, above = (1.0 if side > 0 else -1.0), True
     for j in range(len(t)):
         above = above and sign * t[j] >= certificates[row, j]
@@ -148,8 +153,9 @@ def certifies(certificates: Any, row: int, side: int, t: Any) -> bool:
 
 @compiled
 def both_signs(t: Any, gaps: Any) -> bool:
-    """Whether t.g is certainly positive at one of the points gaps (p, m), and certainly negative at
-    another.
+    """Return whether t.g is certainly positive at one point and negative at another.
+
+    The points are gaps (p, m).
     """
     m = gaps.shape[1]
     above, below = signs_at_points(t, NEAR * largest(t), 0, gaps, np.zeros(m, np.int8), np.empty(m))
@@ -160,7 +166,10 @@ def both_signs(t: Any, gaps: Any) -> bool:
 def by_votes(
     t: Any, shift: float, certificate: Any, gaps: Any, weights: Any, level: float
 ) -> tuple[int, int, bool]:
-    """By the weight of either sign among scales of gaps (p, m) and weights (m,)."""
+    """Return the verdict and tier by the weight of either sign, and whether there is a certificate.
+
+    The scales have gaps (p, m) and weights (m,).
+    """
     at = np.empty(len(weights))
     verdict = by_weight(t, shift, gaps, weights, level, at)
     if verdict != UNKNOWN and len(certificate) > 0 and shift == 0.0:

@@ -1,5 +1,6 @@
-"""Verdicts of any comparator, and the tier that decided each: by its rule, and by itself where that
-leaves any open.
+"""Verdicts of any comparator, and the tier that decided each.
+
+A comparator's rule decides first. The comparator itself decides what its rule leaves open.
 """
 
 from collections.abc import Callable
@@ -19,20 +20,23 @@ from elicit.model.scale import Floats
 
 
 def decide(comparator: Comparator, d: ArrayLike) -> Decisions:
-    """``comparator.compare(d)`` of differences d (n, k), with the tiers (n,). Of a comparator
-    without a rule, what is neither equal nor dominated counts as MODEL."""
+    """Return ``comparator.compare(d)`` of differences d (n, k), with the tiers (n,).
+
+    If a comparator has no rule, differences that are neither equal nor dominated count as MODEL.
+    """
     rows = as_differences(d, comparator.k)
     if compares_by_rule(type(comparator)):
         settle = cast(Settling, comparator).settle if offers(comparator, "settle") else None
         return decide_by(rule_of(comparator), rows, settle)
     verdicts = _checked(comparator.compare(rows), comparator, len(rows))
     tiers = np.array([Tier.EQUAL, Tier.DOMINANCE, Tier.MODEL, Tier.DOMINANCE], dtype=np.int8)
-    return Decisions(verdicts, tiers[dominance(tail_sums(rows))])  # whose -1, worse, is the last
+    return Decisions(verdicts, tiers[dominance(tail_sums(rows))])  # -1, worse, is the last
 
 
 def _checked(verdicts: object, comparator: Comparator, n: int) -> Verdicts:
-    """Return what a comparator's ``compare`` gave for n differences; raises TypeError unless it is
-    codes (n,) int8.
+    """Return the result of a comparator's ``compare`` for n differences.
+
+    Raise TypeError unless it is codes (n,) int8.
     """
     codes = np.asarray(verdicts)
     if (
@@ -54,8 +58,11 @@ def _checked(verdicts: object, comparator: Comparator, n: int) -> Verdicts:
 def decide_by(
     rule: Rule, d: Floats, settle: Callable[[Floats], Decisions] | None = None
 ) -> Decisions:
-    """Verdicts (n,) and tiers (n,) of valid differences d (n, k) by a rule; ``settle`` decides what
-    it leaves open. Raises TypeError where it leaves any open and there is no ``settle``."""
+    """Return verdicts (n,) and tiers (n,) of valid differences d (n, k) by a rule.
+
+    ``settle`` decides the differences that the rule leaves open. If there are any and there is no
+    ``settle``, TypeError is raised.
+    """
     rows = np.require(d, requirements=["C", "W"])  # compiled code is made for one layout
     verdicts, tiers = np.empty(len(rows), dtype=np.int8), np.empty(len(rows), dtype=np.int8)
     jit.expect(judge_all, 8e-6 * rows.size * rows.shape[1])

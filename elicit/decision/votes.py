@@ -1,8 +1,8 @@
-"""Votes of scales on a difference: the sign of d.e that enough of them share, by weight, by number,
-or over a box.
+"""Votes of scales on a difference: the sign of d.e that enough of them share.
 
-A scale is its gaps g, and votes by the sign of t.g. Weights are counted a block of scales at a
-time, and no more once neither sign can reach the level.
+They are counted by weight, by number, or over a box. A scale is its gaps g, and votes by the sign
+of t.g. Weights are counted a block of scales at a time. The count stops once neither sign can reach
+the level.
 """
 
 from typing import Any
@@ -12,14 +12,17 @@ import numpy as np
 from elicit._support.jit import compiled, loosely
 from elicit.model.difference_kernel import BETTER, UNKNOWN, WORSE
 
-LEVEL_ROUNDING = 1e-9  # a level is reached by sums of weights that fall short of it by less
-BLOCK = 64  # scales whose votes are counted before it is asked whether a level can still be reached
+LEVEL_ROUNDING = 1e-9  # a level counts as reached if a sum of weights falls short of it by less
+BLOCK = 64  # scales whose votes are counted between two tests of whether the level can be reached
 
 
 @compiled
 def by_weight(t: Any, shift: float, gaps: Any, weights: Any, level: float, at: Any) -> int:
-    """The verdict on t.g + shift that scales of gaps (p, m) and total weight ``level`` share. Their
-    scores are written into at (m,), all of them where the verdict is not UNKNOWN."""
+    """Return the verdict on t.g + shift that scales of total weight ``level`` share.
+
+    The scales have gaps (p, m). Their scores are written into at (m,): all of them, unless the
+    verdict is UNKNOWN.
+    """
     m, up, down, left = len(at), 0.0, 0.0, 1.0
     for start in range(0, m, BLOCK):
         end = min(m, start + BLOCK)
@@ -39,7 +42,7 @@ def by_weight(t: Any, shift: float, gaps: Any, weights: Any, level: float, at: A
 
 @compiled
 def scores_into(t: Any, shift: float, gaps: Any, start: int, out: Any) -> None:
-    """t.g + shift into out (n,), for as many particles of gaps (p, m) from ``start``."""
+    """Write t.g + shift into out (n,), for the n scales of gaps (p, m) from ``start`` on."""
     p, n, stop = len(t), len(out), start + len(out)
     first = gaps[0, start:stop]
     for q in range(n):
@@ -61,8 +64,10 @@ def scores_into(t: Any, shift: float, gaps: Any, start: int, out: Any) -> None:
 
 @loosely
 def signed_weights(at: Any, weights: Any) -> tuple[float, float, float]:
-    """The weight (of weights (n,)) of positive scores (n,), of negative ones, and all of it. The
-    order of a sum matters less than ``LEVEL_ROUNDING``."""
+    """Return the weight of positive scores, that of negative ones, and the total weight.
+
+    Scores and weights are (n,). The order of a sum matters less than ``LEVEL_ROUNDING``.
+    """
     up, down, both = 0.0, 0.0, 0.0
     for q in range(len(at)):
         w = weights[q]
@@ -74,8 +79,10 @@ def signed_weights(at: Any, weights: Any) -> tuple[float, float, float]:
 
 @loosely
 def spare_score(at: Any, side: int, weights: Any, level: float) -> float:
-    """A distance by which all scores at (m,) may sink, the weight of those that keep the sign
-    ``side`` still reaching the level; 0 for none."""
+    """Return a distance by which all scores may drop; 0 if there is none.
+
+    After the drop, the scores at (m,) of sign ``side`` still carry the weight ``level``.
+    """
     mean = 0.0
     for q in range(len(at)):
         mean += weights[q] * at[q]
@@ -84,14 +91,16 @@ def spare_score(at: Any, side: int, weights: Any, level: float) -> float:
         for q in range(len(at)):
             weight += weights[q] if side * at[q] > limit else 0.0
         if weight >= level:
-            return limit - 1e-12  # what scores are computed to
+            return limit - 1e-12  # the scores have an error of up to 1e-12
     return 0.0
 
 
 @compiled
 def by_count(t: Any, shift: float, gaps: Any, left_out: int) -> int:
-    """The verdict on t.g + shift that the last of the scales of gaps (p, m) gives, if all but
-    ``left_out`` of the others share it."""
+    """Return the verdict on t.g + shift that the last of the scales of gaps (p, m) gives.
+
+    It is UNKNOWN unless all but ``left_out`` of the others share it.
+    """
     last, against = gaps.shape[1] - 1, 0
     at = np.empty(last + 1)
     scores_into(t, shift, gaps, 0, at)
@@ -108,8 +117,9 @@ def by_count(t: Any, shift: float, gaps: Any, left_out: int) -> int:
 
 @compiled
 def by_box(d: Any, shift: float, ends: Any) -> int:
-    """The verdict on d.e + shift that all scales share whose levels 2..k lie between the two ends
-    (p, 2).
+    """Return the verdict on d.e + shift that all scales in a box share.
+
+    The box bounds levels 2..k by ``ends`` (p, 2).
     """
     least, greatest = 0.0, 0.0
     for j in range(len(ends)):

@@ -1,5 +1,5 @@
-"""Linear programs over K_t, the set of scales that fit the answers: regions, vertices, proofs of a
-sign, bounds.
+"""Linear programs over K_t, the set of scales that fit the answers.
 
-Imports from ``model`` and ``_support``.
+The modules hold regions, vertices, proofs of a sign, and bounds. They import from ``model`` and
+``_support``.
 """

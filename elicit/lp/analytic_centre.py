@@ -1,8 +1,8 @@
-"""The analytic centre of K_t: the point that maximises the product of its distances to all
-constraints.
+"""The analytic centre of K_t.
 
-It is the polytope's single best guess at the scale (``values``). It is also a strictly interior
-point, which proves on which side of 0 some plausible d.e lies.
+It is the point that maximises the product of its distances to all constraints. It serves as the
+polytope's single best guess at the scale (``values``). It is also a strictly interior point, which
+proves on which side of 0 some plausible d.e lies.
 """
 
 from typing import NamedTuple
@@ -24,8 +24,9 @@ Flags = NDArray[np.bool_]
 
 
 class _Shape(NamedTuple):
-    """All constraints of a region, in an order that depends on their set only: rows (m, p), limits
-    (m,).
+    """All constraints of a region: rows (m, p) and limits (m,).
+
+    Their order depends on their set only.
     """
 
     rows: Floats
@@ -34,8 +35,9 @@ class _Shape(NamedTuple):
 
 
 class _Hull(NamedTuple):
-    """The affine hull {g : equal g = to, sum g = 1} of a flat region; ``flat`` marks the rows it
-    comes from.
+    """The affine hull {g : equal g = to, sum g = 1} of a flat region.
+
+    ``flat`` marks the rows that the hull comes from.
     """
 
     flat: Flags
@@ -47,8 +49,8 @@ class _Hull(NamedTuple):
 def analytic_centre(region: Region) -> Floats:
     """Return the analytic centre g (p,) of the region, or of its relative interior if it is flat.
 
-    It is a pure function of the region's set of constraints: ``climb`` from the point with the
-    greatest least slack.
+    The result is a pure function of the region's set of constraints. It is where ``climb`` ends
+    that starts from the point with the greatest least slack.
     """
     shape = _canonical(region)
     hull = _opposites(shape)
@@ -70,7 +72,7 @@ def _canonical(region: Region) -> _Shape:
 def _opposites(shape: _Shape) -> _Hull:
     """Return the hull of the rows that leave (nearly) no room between them.
 
-    They come from an answer "equal", or from opposite answers.
+    Such rows come from an answer "equal", or from opposite answers.
     """
     tightest: dict[bytes, float] = {}
     keys = [(row + 0.0).tobytes() for row in shape.rows]
@@ -93,9 +95,9 @@ def _inside(g: Floats, shape: _Shape, flat: Flags) -> bool:
 
 
 def _deepest_point(shape: _Shape, hull: _Hull) -> Floats | None:
-    """Return the point of the hull whose least slack is greatest, or None.
+    """Return the point of the hull whose least slack is greatest.
 
-    It is None if floats find no point of positive slack.
+    Return None if floats find no point of positive slack.
     """
     p, free = shape.rows.shape[1], ~hull.flat
     equal = np.concatenate([np.ones((1, p)), hull.equal])
@@ -117,10 +119,10 @@ def _deepest_point(shape: _Shape, hull: _Hull) -> Floats | None:
 
 
 def _relative_interior(shape: _Shape, region: Region) -> tuple[Floats, _Hull]:
-    """Return a point with room in every constraint in which some point of the region has room, and
-    its hull.
+    """Return a point of the relative interior, and the hull of the region.
 
-    It is the mean of exact vertices, one for each constraint in which the mean so far has no room.
+    A constraint has room at the point if it has room anywhere in the region. The point is the mean
+    of exact vertices, one for each constraint in which the mean so far has no room.
     """
     m = len(shape.rows)
     corners: list[Numbers] = [minimise_exactly(-shape.rows[0], region).g]
@@ -141,9 +143,9 @@ def _relative_interior(shape: _Shape, region: Region) -> tuple[Floats, _Hull]:
 
 
 def _newton(g: Floats, shape: _Shape, hull: _Hull) -> Floats:
-    """Return the analytic centre along the affine hull, from a point g of it.
+    """Return the analytic centre along the affine hull, starting from a point g of it.
 
-    g has room in all rows that are not flat.
+    g must have room in all rows that are not flat.
     """
     p = len(g)
     along = (
@@ -159,10 +161,10 @@ def _newton(g: Floats, shape: _Shape, hull: _Hull) -> Floats:
 
 @one_thread
 def climb(x: Floats, rows: Floats, limits: Floats, along: Floats) -> Floats:
-    """Return the point of x + span(along) with the greatest product of the slacks of rows x >=
-    limits.
+    """Return the point of x + span(along) where the product of the slacks is greatest.
 
-    Damped Newton steps on the self-concordant barrier (Nesterov and Nemirovskii 1994).
+    The slacks are those of rows x >= limits. The method is damped Newton steps on the
+    self-concordant barrier (Nesterov and Nemirovskii 1994).
 
     Parameters
     ----------

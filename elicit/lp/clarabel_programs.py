@@ -1,5 +1,6 @@
-"""The two linear programs of section 3.1, least and greatest d.e over K_t, by Clarabel, made
-rigorous.
+"""The two linear programs of section 3.1, least and greatest d.e over K_t, solved by Clarabel.
+
+Every bound is proven, so that none depends on the solver's accuracy.
 """
 
 from typing import Any, NamedTuple
@@ -20,7 +21,7 @@ TIGHT = 4e-10  # bounds are proven to be as tight as this, for t of order 1
 class Solved(NamedTuple):
     """A solver's answer to min t.g: the point g (p,) and multipliers y (m,) >= 0 of the rows.
 
-    Both are only nearly right. There is none unless the solver said "Solved".
+    Both are only nearly right. They exist only if the solver's status was "Solved".
     """
 
     g: Floats
@@ -28,8 +29,9 @@ class Solved(NamedTuple):
 
 
 class Programs:
-    """The programs min t.g over one region for many t, by one Clarabel solver whose objective is
-    replaced.
+    """The programs min t.g over one region, for many t.
+
+    One Clarabel solver serves them all. Only its objective is replaced.
     """
 
     def __init__(self, region: Region) -> None:
@@ -38,11 +40,11 @@ class Programs:
         self._solver: Any = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return all but the solver, which cannot be copied: a copy makes its own."""
+        """Return the state without the solver, which cannot be copied: a copy makes its own."""
         return {**vars(self), "_solver": None}
 
     def solve(self, t: Floats) -> Solved | None:
-        """Minimise t.g (t of order 1) over the region. Any status but Solved gives None."""
+        """Minimise t.g (t of order 1) over the region. Return None unless the status is Solved."""
         region, p = self.region, self.region.p
         if self._solver is None:
             settings = clarabel.DefaultSettings()
@@ -69,18 +71,17 @@ class Programs:
     def least(self, t: Floats, inside: Floats | None) -> float:
         """Return a proven lower bound on t.g over the region (t of order 1), tight to ``TIGHT``.
 
-        ``inside`` is a point strictly inside the region, if there is one. It turns nearly right
-        points into right ones, whose t.g shows how tight the bound is. If floats cannot show that,
-        the result is the exact optimum rounded down.
-
         Parameters
         ----------
         t : (p,)
         inside : (p,), optional
+            A point strictly inside the region. It turns nearly right points into points of the
+            region, whose t.g shows how tight the bound is.
 
         Returns
         -------
         float
+            The exact optimum, rounded down, if floats cannot show that their bound is tight.
         """
         for propose in (self.solve, self._vertex):
             low, point = self._proven(t, propose(t), inside)
@@ -120,8 +121,9 @@ class Programs:
     def _proven(
         self, t: Floats, found: Solved | None, inside: Floats | None
     ) -> tuple[float, Floats | None]:
-        """Return the bound that a solution's multipliers prove, and its point pulled strictly
-        inside or None.
+        """Return the bound that a solution's multipliers prove, and its point.
+
+        The point is pulled strictly inside the region. It is None if that fails.
         """
         if found is None:
             return -np.inf, None

@@ -1,9 +1,9 @@
-"""A small dual simplex over K_t, once in floats and once in exact integers.
+"""A small dual simplex method over K_t, in floats and in exact integers.
 
 It starts at the vertex that is best over K_0 and lets in the most violated row until none is left
-(Lemke 1954). Floats only propose: whoever uses their result must prove it. The exact method starts
-from the basis that floats propose and pivots in integers over one common denominator (Edmonds
-1967), which costs a fiftieth of the same steps in fractions.
+(Lemke 1954). Floats only propose: a caller must prove their result. The exact method starts from
+the basis that floats propose and pivots in integers over one common denominator (Edmonds 1967).
+That takes a fiftieth of the CPU time of the same steps in fractions.
 """
 
 from collections.abc import Sequence
@@ -23,11 +23,11 @@ from elicit.model.scale import Floats
 
 Numbers = NDArray[Any]  # float64, or object holding ints or Fractions
 _TOLERANCE = 1e-12
-_NUDGE = 1e-12  # how far floats follow the tie-break
+_NUDGE = 1e-12  # how far floats follow the tie-break, relative to the largest entry of t
 
 
 class End(Enum):
-    """How a run of the simplex ended."""
+    """The end of a run of the simplex method."""
 
     OPTIMAL = "a vertex that no constraint and no multiplier contradicts"
     EMPTY = "no point satisfies the rows in `support`"
@@ -36,9 +36,22 @@ class End(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Vertex:
-    """Least t.g over a region: ``value``, a minimiser g (p,), multipliers y (m,) >= 0 of the rows,
-    and ``basis``, the active constraints (j < p: g_j >= margin; p + i: row i). ``support``: where
-    the region is empty, rows that alone contradict each other and the order."""
+    """Least t.g over a region, and where it is reached.
+
+    Attributes
+    ----------
+    end : End
+    value : number
+        The least t.g.
+    g : (p,)
+        A minimiser.
+    y : (m,)
+        Multipliers >= 0 of the rows.
+    basis : tuple of int
+        The active constraints: j < p stands for g_j >= margin, and p + i for row i.
+    support : tuple of int
+        If the region is empty, rows that together contradict the order of the levels.
+    """
 
     end: End
     value: Any
@@ -49,7 +62,7 @@ class Vertex:
 
 
 def minimise(t: Floats, region: Region) -> Vertex:
-    """Least t.g over the region, in floats: nearly right at best, and sometimes wrong."""
+    """Return the least t.g over the region, in floats: nearly right at best, sometimes wrong."""
     p, m = region.p, len(region.rows)
     constraints, limits = region.constraints
     scale = np.maximum(np.abs(constraints).max(axis=1), 2.0**-1000)
@@ -82,8 +95,11 @@ def minimise(t: Floats, region: Region) -> Vertex:
 
 
 def minimise_exactly(t: Floats, region: Region) -> Vertex:
-    """Least t.g over the region in rationals (Fractions). An empty one gives End.EMPTY, and its
-    proof in ``support``. Started from the basis that floats propose."""
+    """Return the least t.g over the region in rationals (Fractions).
+
+    It starts from the basis that floats propose. An empty region gives End.EMPTY, and ``support``
+    holds the proof.
+    """
     p, m = region.p, len(region.rows)
     goal, unit = _integers(t)
     goals = np.stack([goal, _integers(_tie_break(p))[0]])
@@ -122,9 +138,11 @@ def minimise_exactly(t: Floats, region: Region) -> Vertex:
 
 
 class _Corner:
-    """A vertex of the constraints' arrangement: the active ones, and the inverse of their integer
-    matrix as integers ``inverse`` over ``denominator`` > 0. Limits are integers over the margin's
-    denominator."""
+    """A vertex where p - 1 of the constraints are active.
+
+    The inverse of their integer matrix is ``inverse`` / ``denominator``, both integers, with
+    ``denominator`` > 0. Limits are integers over the margin's denominator.
+    """
 
     def __init__(self, region: Region, best: int) -> None:
         self.region = region
@@ -136,7 +154,7 @@ class _Corner:
 
     @staticmethod
     def at(region: Region, basis: tuple[int, ...]) -> "_Corner | None":
-        """The corner with these active constraints; None where they are linearly dependent."""
+        """Return the vertex of these active constraints, or None if they are linearly dependent."""
         p = region.p
         gaps = {c for c in basis if c < p}
         corner = _Corner(region, min(set(range(p)) - gaps))
@@ -154,9 +172,7 @@ class _Corner:
         return corner
 
     def row(self, c: int) -> tuple[Numbers, int, int]:
-        """Constraint c: integer coefficients (p,), its limit, and what the row was multiplied
-        by.
-        """
+        """Return constraint c in integers: coefficients (p,), limit, and their common factor."""
         if c not in self._rows:
             whole, unit = _integers(
                 [*self._constraints[c], self._limits[c] if c >= self.region.p else 0.0]
@@ -169,8 +185,9 @@ class _Corner:
         return self._rows[c]
 
     def pivot(self, entering: int, leaving: int) -> None:
-        """Exchange the active constraint in place ``leaving`` for another; every division is
-        exact.
+        """Exchange the active constraint in place ``leaving`` for another.
+
+        Every division is exact.
         """
         w = self.row(entering)[0] @ self.inverse
         column, new = self.inverse[:, leaving + 1].copy(), int(w[leaving + 1])
@@ -182,15 +199,18 @@ class _Corner:
         self.active[leaving] = entering
 
     def point(self) -> tuple[Numbers, int]:
-        """G as integers (p,) over a common denominator."""
+        """Return g as integers (p,) over a common denominator."""
         g = self.inverse @ np.array(
             [self._unit, *(self.row(c)[1] for c in self.active)], dtype=object
         )
         return g, self.denominator * self._unit
 
     def violated(self, by_index: bool) -> int | None:
-        """A constraint that this corner misses: the worst, or the first, which cannot cycle (Bland
-        1977). Floats sort out those that hold by more than any rounding."""
+        """Return a constraint that this vertex violates, or None.
+
+        It is the most violated one, or if ``by_index`` the first one, which cannot cycle (Bland
+        1977). Floats exclude the constraints that hold by more than any rounding.
+        """
         g, unit = self.point()
         most = 10**300 * unit
         point = np.array([min(max(x, -most), most) / unit for x in g])
@@ -211,15 +231,19 @@ class _Corner:
 
 
 def _tie_break(p: int) -> Floats:
-    """A second objective (p,), which decides where the first is indifferent: without it,
-    differences with many equal tail sums stall the method (Charnes 1952)."""
+    """Return a second objective (p,), which decides where the first one is indifferent.
+
+    Without it, differences with many equal tail sums stall the method (Charnes 1952).
+    """
     return np.asarray((np.arange(1, p + 1) * 40503 % 65536) / 65536.0)
 
 
 def _order_vertex(best: int, p: int, one: Any) -> tuple[list[int], Numbers]:
-    """The vertex of K_0 whose gap ``best`` is the large one: its active constraints, and the
-    inverse of their matrix (rows: sum g = 1, then g_j = margin for each other j), in the type of
-    ``one``."""
+    """Return the vertex of K_0 whose gap ``best`` is the large one.
+
+    It is given by its active constraints and by the inverse of their matrix, in the type of
+    ``one``. The matrix has the rows sum g = 1, then g_j = margin for each other j.
+    """
     active = [j for j in range(p) if j != best]
     inverse: Numbers = np.full(
         (p, p), 0 * one, dtype=object if isinstance(one, int) else np.float64
@@ -231,7 +255,7 @@ def _order_vertex(best: int, p: int, one: Any) -> tuple[list[int], Numbers]:
 
 
 def _integers(numbers: Floats | Sequence[float]) -> tuple[Numbers, int]:
-    """Finite floats as integers over one common power of two."""
+    """Return finite floats as integers over one common power of two."""
     ratios = [float(x).as_integer_ratio() for x in numbers]
     unit = max(d for _, d in ratios)
     return np.array([n * (unit // d) for n, d in ratios], dtype=object), unit

@@ -1,9 +1,9 @@
 """Scales drawn from K_t, about uniformly, by hit-and-run (Smith 1984) with many chains at once.
 
-Proofs about K_t need no draws. Choosing questions does, for example to divide the plausible scales
-most evenly. For that, chains that start at the middle of K_t and take their directions from Dikin's
-ellipsoid there (Kannan and Narayanan 2012), which has about the shape of K_t, are near enough to
-uniform after a few dozen steps.
+Proofs about K_t need no draws. The choice of questions does, for example to divide the plausible
+scales most evenly. The chains start at the middle of K_t. They take their directions from Dikin's
+ellipsoid there (Kannan and Narayanan 2012), which has about the shape of K_t. After a few dozen
+steps they are near enough to uniform.
 """
 
 from typing import NamedTuple
@@ -18,7 +18,7 @@ from elicit.model.scale import Floats
 
 CHAINS, STEPS = 256, 60
 _KEY = name_code("draws of scales")
-_LEAST_SLACK = 1e-12  # in a flat region the middle lies on constraints, with no slack
+_LEAST_SLACK = 1e-12  # in a flat region the middle lies on constraints and has no slack
 
 
 class Draws(NamedTuple):
@@ -40,7 +40,7 @@ class Draws(NamedTuple):
 
 @one_thread
 def draws_within(region: Region, inside: Floats) -> Draws:
-    """Return draws from a region, one a chain.
+    """Return draws from a region, one for each chain.
 
     They depend on the region as a set, not on the order of its rows.
 

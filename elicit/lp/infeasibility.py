@@ -1,6 +1,4 @@
-"""Contradictory answers: whether a region is empty, and a smallest set of answers that makes it
-so.
-"""
+"""Tests whether a region is empty, and finds a smallest set of answers that makes it so."""
 
 from functools import partial
 
@@ -14,15 +12,18 @@ from elicit.model.query import Answers, InconsistentAnswers
 
 
 def is_empty(region: Region) -> Vertex | None:
-    """None where some scale satisfies every row, else the exact proof that none does."""
+    """Return the exact proof that no scale satisfies every row, or None if some scale does."""
     vertex = minimise_exactly(np.zeros(region.p), region)
     return vertex if vertex.end is End.EMPTY else None
 
 
 def minimal_conflict(region: Region, proof: Vertex) -> list[int]:
-    """Owners of an irreducible contradictory set of rows, beside the order and the prior: the
-    proof's support, from which every answer is dropped that the contradiction does not need
-    (Chinneck and Dravnieks 1991). Rows of the prior (owner < 0) always stay."""
+    """Return the owners of an irreducible contradictory set of rows.
+
+    The search begins with the proof's support. It drops every answer that the contradiction does
+    not need (Chinneck and Dravnieks 1991). The order of the levels and the rows of the prior (owner
+    < 0) always stay.
+    """
     owners = sorted({int(region.owner[i]) for i in proof.support if region.owner[i] >= 0})
     for owner in list(owners):
         rest = [o for o in owners if o != owner]
@@ -33,23 +34,23 @@ def minimal_conflict(region: Region, proof: Vertex) -> list[int]:
 
 
 def opposite_answers(answers: Answers, first: int) -> tuple[int, int] | None:
-    """Return two rows of opposite answers to one pair, "better" and "worse", the later one from row
-    ``first`` on.
+    """Return two rows of opposite answers to one pair, or None if there are none.
 
-    None if there are none. Both could be right only if the pair were equal, which neither says.
-    Multiples of a pair by other factors than powers of two are other pairs: a learner may ask about
-    one where rounding leaves it open.
+    One says "better" and the other "worse". The later one is from row ``first`` on. Both could be
+    right only if the pair were equal, which neither says. A multiple of a pair counts as the same
+    pair only if the factor is a power of two. A learner may ask about another multiple, if rounding
+    leaves it open.
     """
     if not (answers.y[first:] != 0).any():
         return None
     sums = tail_sums(answers.d) * answers.y[:, None]
     size = np.abs(sums).max(axis=1, initial=0.0)
     told = np.flatnonzero((size > 0) & np.isfinite(size))
-    # such as the same bags with twice the days, which are the same pair
+    # scaling makes, for example, the same bags with twice the days the same pair
     unit = np.ldexp(sums[told], -np.frexp(size[told])[1][:, None])
     marks = unit @ np.sqrt(
         np.arange(2.0, answers.k + 1.0)
-    )  # of opposite answers they are opposite, but for rounding
+    )  # marks of opposite answers are opposite, up to rounding
     order = np.argsort(marks)
     new = np.flatnonzero(told >= first)
     near = 4.0 * NEAR * answers.k**1.5
@@ -63,8 +64,7 @@ def opposite_answers(answers: Answers, first: int) -> tuple[int, int] | None:
 
 
 def opposed(rows: tuple[int, int], answers: Answers) -> InconsistentAnswers:
-    """Return the error that says that the answers in two rows are opposite ones to the same
-    pair."""
+    """Return the error that says that two rows hold opposite answers to the same pair."""
     found = tuple((row, answers.ids[row]) for row in rows)
     listed = " and ".join(f"row {row} (id {name})" for row, name in found)
     said = (
@@ -76,17 +76,16 @@ def opposed(rows: tuple[int, int], answers: Answers) -> InconsistentAnswers:
 
 
 def contradiction(region: Region, proof: Vertex, answers: Answers) -> InconsistentAnswers:
-    """Return the error that says that the answers leave the region empty, which this proof
-    shows.
-    """
+    """Return the error that says that the answers leave the region empty, as ``proof`` shows."""
     return InconsistentAnswers(partial(_explained, region, proof, answers))
 
 
 def _explained(
     region: Region, proof: Vertex, answers: Answers
 ) -> tuple[str, tuple[tuple[int, str], ...], bool]:
-    """Return the sentence, a minimal contradictory set as (row, id) pairs, and whether the margin
-    is a culprit.
+    """Return a sentence, a minimal contradictory set of (row, id) pairs, and a flag.
+
+    The flag says whether the answers would be consistent with a margin of 0.
     """
     owners = minimal_conflict(region, proof)
     keep = np.isin(region.owner, owners) | (region.owner < 0)

@@ -1,9 +1,8 @@
-"""From corner to corner of K_t: the primal simplex method in floats, whose results are proofs or
-nothing.
+"""The primal simplex method over K_t, in floats, whose results are proofs or nothing.
 
-The corners' inverses are brought up to date pivot by pivot; what a walk finds is certain all the
-same: a point counts only if it is inside K_t by more than any rounding, and multipliers only
-through a bound that holds for any multipliers.
+It walks from vertex to vertex and updates the vertices' inverses at each pivot. Its results are
+certain nevertheless. A point counts only if it is inside K_t by more than any rounding. Multipliers
+count only by a bound that holds for any multipliers.
 """
 
 import math
@@ -18,23 +17,23 @@ from elicit.model.difference_kernel import largest
 from elicit.model.scale import Floats
 
 CERTAIN_POINT, CORNER, DOUBTFUL_CORNER = 0, 1, 2
-"""What a known corner is good for: its point alone, its point and its basis, its basis alone. A
-later cut may have taken the corner itself, by a hair, and left the point beside it: a basis is
-where to start, no proof of its own."""
+"""Use of a known vertex: its point alone, its point and its basis, or its basis alone. A later cut
+may have removed the vertex itself, and left the point beside it. So a basis is a place to start
+from, and proves nothing."""
 USED, SLOT, ROW = (
     0,
     1,
     2,
-)  # counters: corners in use, the next to be replaced, the row that settled last
+)  # counters: vertices in use, the next to be replaced, the row that decided last
 
 NEARLY = 1e-12  # multipliers this far below zero are set to zero, which keeps the bound valid
 
 
 class Known(NamedTuple):
-    """What is known of K_t = {g >= margin, sum g = 1, rows g >= limits}, as plain arrays; p gaps, m
-    rows.
+    """Facts about K_t = {g >= margin, sum g = 1, rows g >= limits}, as plain arrays.
 
-    The corners' arrays and the counters change as walks find new corners.
+    There are p gaps and m rows. The vertices' arrays and the counters change as walks find new
+    vertices.
     """
 
     margin: float
@@ -44,9 +43,9 @@ class Known(NamedTuple):
     # (r, p) a little larger: t >= lambda * lifted, in floats, implies t >= lambda * w; else nan
     lifted: Floats
     masks: NDArray[np.uint64]  # (r,) bit j: entry j is not negative (of the first 64)
-    inside: Floats  # (p,) a point strictly inside K_t; not a number where none is known
+    inside: Floats  # (p,) a point strictly inside K_t; nan if none is known
     room: Floats  # (p + m,) its distances to the constraints
-    points: Floats  # (p, q) the corners' points
+    points: Floats  # (p, q) the vertices' points
     inverses: Floats  # (q, p, p) of [1; active constraints]
     active: NDArray[np.int64]  # (q, p - 1) j < p: g_j >= margin; p + i: row i
     kind: NDArray[np.int8]  # (q,)
@@ -55,7 +54,7 @@ class Known(NamedTuple):
 
 
 def nothing_known(margin: float, rows: Floats, limits: Floats, corners: int) -> Known:
-    """Only what defines K_t, rows (m, p) and limits (m,), with places for so many corners."""
+    """Return the definition of K_t, rows (m, p) and limits (m,), with room for vertices."""
     p = rows.shape[1]
     return Known(
         margin=margin,
@@ -77,12 +76,13 @@ def nothing_known(margin: float, rows: Floats, limits: Floats, corners: int) -> 
 
 @compiled
 def walk(s: Any, start: int, known: Known, out: Any, target: float) -> int:
-    """1 where s.g > target on K_t is proven, -1 where a point of K_t shows s.g < 0, else 0.
+    """Return 1 if s.g > target is proven on K_t, -1 if a point of K_t shows s.g < 0, else 0.
 
-    Goes from corner ``start`` along edges that lessen s.g (the steepest; Harris's ratio test), and
-    keeps the corner where it ends. ``out`` (m,), if it is not empty, marks rows that K_t is taken
-    to lack: then -1 says that some corner seems to have s.g < target, no corner is kept, and
-    nothing is proven by it.
+    The walk goes from vertex ``start`` along edges that lessen s.g. Each is the steepest, by
+    Harris's ratio test. The vertex where the walk ends is kept.
+
+    ``out`` (m,), if it is not empty, marks rows that K_t is taken to lack. Then -1 says that some
+    vertex seems to have s.g < target. It proves nothing, and no vertex is kept.
     """
     p, m = len(s), len(known.limits)
     inverse, active = (
@@ -135,7 +135,7 @@ def walk(s: Any, start: int, known: Known, out: Any, target: float) -> int:
 
 @compiled
 def redundant(known: Known) -> Any:
-    """Marks rows (m,) of K_t that follow from the rest, the latest first."""
+    """Return flags (m,) of the rows of K_t that follow from the other rows, the latest first."""
     p, m = known.cuts.shape
     out = np.zeros(m, dtype=np.bool_)
     for i in range(m - 1, -1, -1):
@@ -156,8 +156,9 @@ def redundant(known: Known) -> Any:
 
 @compiled
 def keep(s: Any, g: Any, slack: Any, inverse: Any, active: Any, age: int, known: Known) -> bool:
-    """Keep a corner and a point beside it that is certainly in K_t; says whether s < 0 is certain
-    there.
+    """Store a vertex and a point beside it that is certainly in K_t.
+
+    Return whether the point is certain and s.g < 0 there.
     """
     p = len(g)
     point = np.empty(p)
@@ -184,10 +185,10 @@ def keep(s: Any, g: Any, slack: Any, inverse: Any, active: Any, age: int, known:
 
 @compiled
 def next_slot(known: Known) -> int:
-    """The place of the next corner: the oldest makes room."""
+    """Return the place of the next vertex: the oldest makes room."""
     q: int = known.counts[SLOT]
     known.kind[q] = (
-        DOUBTFUL_CORNER  # until it is complete: an interruption must not leave a false point
+        DOUBTFUL_CORNER  # until it is complete, lest an interruption leave a false point
     )
     known.counts[SLOT] = (q + 1) % len(known.kind)
     known.counts[USED] = max(known.counts[USED], q + 1)
@@ -196,7 +197,7 @@ def next_slot(known: Known) -> int:
 
 @compiled
 def corner_of(inverse: Any, active: Any, known: Known, g: Any) -> None:
-    """The corner g (p,) where the active constraints hold with equality."""
+    """Write into g (p,) the vertex where the active constraints hold with equality."""
     p = len(g)
     for j in range(p):
         g[j] = inverse[j, 0]
@@ -209,7 +210,7 @@ def corner_of(inverse: Any, active: Any, known: Known, g: Any) -> None:
 
 @compiled
 def rates_of(inverse: Any, column: int, known: Known, rate: Any) -> None:
-    """How fast each slack (p + m,) grows along an edge, a column of the inverse."""
+    """Write into ``rate`` (p + m,) how fast each slack grows along an edge of the inverse."""
     p, m = inverse.shape[0], len(known.limits)
     for j in range(p):
         rate[j] = inverse[j, column]
@@ -224,9 +225,12 @@ def rates_of(inverse: Any, column: int, known: Known, rate: Any) -> None:
 
 @compiled
 def multipliers(s: Any, inverses: Any, q: int, y: Any) -> int:
-    """The multipliers y (p,) of the objective s at corner q: that of sum g = 1, then the active
-    constraints'. Returns the place among these of the negative one whose edge is steepest, -1 where
-    none is, within rounding."""
+    """Write the multipliers of the objective s at vertex q into y (p,).
+
+    The first is that of sum g = 1. The active constraints' follow. Return the place among the
+    latter of the negative multiplier whose edge is steepest, or -1 if none is negative, within
+    rounding.
+    """
     p = len(s)
     for i in range(p):
         y[i] = 0.0
@@ -247,8 +251,10 @@ def multipliers(s: Any, inverses: Any, q: int, y: Any) -> int:
 
 @compiled
 def blocking(slack: Any, rate: Any, is_active: Any) -> int:
-    """The constraint that ends an edge: among those met first, within rounding, the one it meets
-    most steeply; -1 where none is met."""
+    """Return the constraint that ends an edge, or -1 if the edge meets none.
+
+    Of those that it meets first, within rounding, it is the one that it meets most steeply.
+    """
     reach = math.inf
     for c in range(len(slack)):
         room, speed = max(slack[c], 0.0) + 1e-13, -rate[c]
@@ -273,7 +279,7 @@ def pivot(inverse: Any, column: int, entering: int, known: Known) -> None:
 
 @compiled
 def row_at(inverse: Any, constraint: int, known: Known, w: Any) -> None:
-    """How fast a constraint's slack grows along each edge, a column of the inverse: w (p,)."""
+    """Write into w (p,) the growth of a constraint's slack along each edge of the inverse."""
     p = inverse.shape[0]
     for i in range(p):
         w[i] = inverse[constraint, i] if constraint < p else 0.0
@@ -287,7 +293,7 @@ def row_at(inverse: Any, constraint: int, known: Known, w: Any) -> None:
 
 @compiled
 def exchange(inverse: Any, column: int, w: Any) -> None:
-    """Let the constraint with these rates w (p,) take the place of a column of the inverse."""
+    """Replace the constraint of a column of the inverse by the one with the rates w (p,)."""
     p = inverse.shape[0]
     for j in range(p):
         share = inverse[j, column] / w[column]
@@ -299,8 +305,10 @@ def exchange(inverse: Any, column: int, w: Any) -> None:
 
 @compiled
 def inverse_of(active: Any, known: Known, inverse: Any) -> bool:
-    """The inverse (p, p) of [1; active constraints] afresh (Gauss and Jordan, with row exchanges);
-    False where they are linearly dependent, as far as floats can tell."""
+    """Compute the inverse (p, p) of [1; active constraints] by Gauss-Jordan with row exchanges.
+
+    Return False if the constraints are linearly dependent, as far as floats can tell.
+    """
     p = inverse.shape[0]
     matrix = np.zeros((p, p))
     for j in range(p):

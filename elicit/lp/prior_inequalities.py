@@ -3,8 +3,8 @@
     inequality("well >= 2*stable", labels=["critical", "stable", "well"])
     inequality("e4 - e3 >= e3 - e2", k=5, name="the last steps grow")
 
-The text is read as a linear expression and never run: names of levels, numbers, + - * / and
-brackets.
+A text is read as a linear expression and never run. It may hold names of levels, numbers, + - * /
+and brackets.
 """
 
 from __future__ import annotations
@@ -39,8 +39,7 @@ _LIKE_A_NUMBER = re.compile(r"(?<![\w.])((?:\d+\.?\d*|\.\d+)[eE](\d+))(?![\w.])"
 
 @dataclass(frozen=True, eq=False)
 class Inequality:
-    """The inequality ``coefficients`` (k,) . e >= ``bound``, with the ``name`` that people know it
-    by.
+    """The inequality ``coefficients`` . e >= ``bound``, with the name that people know it by.
 
     Parameters
     ----------
@@ -71,7 +70,7 @@ class Inequality:
 
 
 class Prior(NamedTuple):
-    """Inequalities together: a (p, k), b (p,) with a e >= b, and their p names."""
+    """Several inequalities: a (p, k) and b (p,) with a e >= b, and their p names."""
 
     a: Floats
     b: Floats
@@ -124,8 +123,7 @@ def inequalities(
     labels: Sequence[str] | None = None,
     name: str | None = None,
 ) -> tuple[Inequality, ...]:
-    """Read one text or several, each an inequality or a chain of them, for the ``prior`` of a
-    comparator.
+    """Read one text or several, each an inequality or a chain of them.
 
         labels = ["critical", "stable", "well"]
         PolytopeComparator(3, prior=inequalities(["stable >= 0.4", "0.9*well >= stable"],
@@ -133,16 +131,15 @@ def inequalities(
 
     Parameters
     ----------
-    text
+    text : str or sequence of str
         An inequality such as "e4 >= 2*e2", a chain such as "0.2 <= e2 <= 0.5", or a list of these.
-    k
+    k : int, optional
         The number of levels. It may be left out if ``labels`` is given.
-    labels
-        The k levels' names, worst first. The text may use them, beside e1 to ek. Write "very_ill"
-        for "very ill".
-    name
-        What people know it by. By default the text. Several inequalities add their text to the
-        name.
+    labels : (k,) str, optional
+        The levels' names, worst first. The text may use them, beside e1 to ek. Write "very_ill" for
+        "very ill".
+    name : str, optional
+        A name for people. Default: the text. Several inequalities add their text to the name.
 
     Returns
     -------
@@ -197,21 +194,21 @@ def inequalities(
 
 
 def as_prior(prior: PriorLike, k: int) -> Prior | None:
-    """Return any statement of prior knowledge about k levels as one ``Prior``, or None if there is
-    none.
+    """Return any statement of prior knowledge about k levels as one ``Prior``.
 
     Parameters
     ----------
     prior : optional
         None, (A (p, k), b (p,)) meaning A e >= b, an Inequality or its text, a linear cvxpy
         constraint over ``elicit.scale_variable(k)``, a sequence of these, or a Prior. A constraint
-        goes by its label, or else as cvxpy prints it.
+        is called by its label, or else by the text that cvxpy prints.
     k : int
         Number of levels.
 
     Returns
     -------
     Prior or None
+        None if there is no prior.
 
     Raises
     ------
@@ -251,8 +248,9 @@ def as_prior(prior: PriorLike, k: int) -> Prior | None:
 
 
 def readable(coefficients: Floats, bound: float) -> str:
-    """Return coefficients (k,) . e >= bound as people write it, best level first: "2*e3 - e2 >=
-    0.1".
+    """Return coefficients (k,) . e >= bound as people write it, such as "2*e3 - e2 >= 0.1".
+
+    The best level comes first.
     """
     terms = [(float(c), f"e{i + 1}") for i, c in enumerate(coefficients) if c != 0][::-1]
     sign = -1.0 if terms and terms[0][0] < 0 else 1.0
@@ -270,7 +268,7 @@ def _is_statement(one: object) -> bool:
 def _stated(one: Statement, k: int) -> Sequence[Inequality]:
     """Return the inequalities of a statement about k levels.
 
-    The rows of one constraint are told apart as those of a chain.
+    The rows of one constraint get names as the links of a chain do.
     """
     if isinstance(one, Inequality):
         return [one]
@@ -313,7 +311,7 @@ def _bounds(b: ArrayLike, count: int, name: str = "an inequality's bound") -> Fl
 
 
 def _levels(k: int, labels: Sequence[str] | None) -> dict[str, int]:
-    """Return level numbers from 0 by every name that an expression may use."""
+    """Return the number of each level, from 0, by every name that an expression may use."""
     levels = {f"e{i + 1}": i for i in range(k)}
     require(labels is None or is_list(labels, k), "labels", f"{k} names, one a level", labels)
     for i, label in enumerate(labels or ()):

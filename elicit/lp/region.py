@@ -43,20 +43,20 @@ class Region:
     def exact_margin(self) -> Fraction:
         """The margin as a rational.
 
-        It is the float's own value, or 1/p itself if the float is nearest to that (which is the
-        only way to ask for equal gaps).
+        It is the float's own value, or 1/p if the float is nearest to that. The latter is the only
+        way to ask for equal gaps.
         """
         return Fraction(1, self.p) if self.margin == 1.0 / self.p else Fraction(self.margin)
 
     @cached_property
     def constraints(self) -> tuple[Floats, Floats]:
-        """All constraints (p + m, p) and their limits (p + m,), the order's first."""
+        """All constraints (p + m, p) and their limits (p + m,). The order's come first."""
         limits = np.concatenate([np.full(self.p, self.margin), self.rhs])
         return np.concatenate([np.eye(self.p), self.rows]), limits
 
     @cached_property
     def constraints_in_order(self) -> tuple[Floats, Floats]:
-        """The constraints (m, p) and limits (m,) that say anything, each once.
+        """The constraints (m, p) and limits (m,) that exclude anything, each once.
 
         Their order depends on their set only. So nothing computed from them depends on the order of
         the answers.
@@ -106,7 +106,7 @@ def answer_rows(
     """
     d, t, exponent = of_order_one(answers.d, "the answers")
     cutting = np.flatnonzero(t.any(axis=1))
-    number = np.repeat(cutting, 2 - np.abs(answers.y[cutting]))  # of a tie both sides
+    number = np.repeat(cutting, 2 - np.abs(answers.y[cutting]))  # a tie has both sides
     sign, rhs = answers.y[number], np.zeros(len(number))
     tied = sign == 0
     if tied.any():
@@ -145,7 +145,7 @@ def prior_rows(
     with np.errstate(over="ignore"):
         rhs = np.clip(
             np.ldexp(prior[1], -exponent), -2.0, 2.0
-        )  # |row.g| <= 1, so limits beyond make no difference
+        )  # since |row.g| <= 1, limits beyond make no difference
     if ((np.ldexp(rhs, exponent) != prior[1]) & (np.abs(rhs) < 2)).any():
         raise ValueError(
             f"the prior's b is too small beside its A: round {prior[1]} to 0 where it is nearly so"

@@ -2,8 +2,8 @@
 
 Points and multipliers come from solvers that are only nearly right. A point counts once it
 satisfies every constraint of K_t by more than any rounding (``strictly_inside``). Multipliers count
-by a bound that holds for any multipliers (``certified_bound``). Both rest on one formula,
-``rounding``, with room to spare.
+by a bound that holds for any multipliers (``certified_bound``). Both depend on one formula,
+``rounding``, which leaves room to spare.
 
 Rows are of order one: no entry is larger than 1, and no limit larger than 2. The compiled functions
 take K_t as plain arrays: its margin, ``cuts`` (p, m), which are the rows transposed, and ``limits``
@@ -52,8 +52,9 @@ rounding_of = compiled(rounding)  # the same, called by compiled code
 
 @compiled
 def score_doubt(p: int, size: float) -> float:
-    """Return more than the rounding error of t.g at a known point, where no entry of t (p,) exceeds
-    ``size``.
+    """Return more than the rounding error of t.g at a known point.
+
+    No entry of t (p,) may exceed ``size``.
     """
     doubt: float = rounding_of(p, 4.0 * size)
     return doubt
@@ -61,10 +62,10 @@ def score_doubt(p: int, size: float) -> float:
 
 @compiled
 def limit_doubt(c: int, p: int, margin: float, limits: Any) -> float:
-    """Return more than the rounding error of constraint c's slack at a point that totals 1 to
-    within 1e-12.
+    """Return more than the rounding error of constraint c's slack.
 
-    The constraints are those of the order, p of them, then the rows.
+    The point must total 1 to within 1e-12. The constraints are those of the order, p of them, then
+    the rows.
     """
     if c < p:
         return 1e-11 * margin + 1e-300
@@ -75,7 +76,7 @@ def limit_doubt(c: int, p: int, margin: float, limits: Any) -> float:
 
 @compiled
 def slacks_of(g: Any, margin: float, cuts: Any, limits: Any, slack: Any) -> None:
-    """Write by how much g (p,) exceeds each constraint's limit into ``slack`` (p + m,)."""
+    """Write the excess of g (p,) over each constraint's limit into ``slack`` (p + m,)."""
     p, m = len(g), len(limits)
     for j in range(p):
         slack[j] = g[j] - margin
@@ -88,10 +89,9 @@ def slacks_of(g: Any, margin: float, cuts: Any, limits: Any, slack: Any) -> None
 
 @compiled
 def surely_inside(g: Any, margin: float, cuts: Any, limits: Any, slack: Any) -> bool:
-    """Return whether a point g (p,) of total 1 satisfies every constraint by more than any
-    rounding.
+    """Return whether g (p,) of total 1 satisfies every constraint by more than any rounding.
 
-    By how much is written into ``slack`` (p + m,).
+    The slacks are written into ``slack`` (p + m,).
     """
     slacks_of(g, margin, cuts, limits, slack)
     inside = True
@@ -104,11 +104,10 @@ def surely_inside(g: Any, margin: float, cuts: Any, limits: Any, slack: Any) -> 
 def pulled_inside(
     g: Any, slack: Any, inside: Any, room: Any, margin: float, cuts: Any, limits: Any, point: Any
 ) -> bool:
-    """Write the nearest mixture of g and a point inside that is certainly inside K_t into
-    ``point``.
+    """Write the mixture of g and a point inside that is nearest to g and certainly in K_t.
 
-    ``slack`` (p + m,) is g's, ``room`` (p + m,) that of the point inside. Returns whether floats
-    find such a mixture.
+    ``slack`` (p + m,) is g's, and ``room`` (p + m,) that of the point inside. The mixture is
+    written into ``point`` (p,). Return whether floats find one.
     """
     p, share = len(g), 0.0
     for c in range(len(slack)):
@@ -135,8 +134,9 @@ def pulled_inside(
 
 @compiled
 def least_in_order(t: Any, margin: float) -> float:
-    """Return the least t.g over K_0 = {g >= margin, sum g = 1}: ``scale.order_bounds`` of one
-    row.
+    """Return the least t.g over K_0 = {g >= margin, sum g = 1}.
+
+    It is ``scale.order_bounds`` of one row.
     """
     total, least = 0.0, t[0]
     for j in range(len(t)):
@@ -155,10 +155,10 @@ def bound_of(
     t.g = (t - rows'y).g + y.(rows g) >= min over K_0 of (t - rows'y).g + y.limits, less every
     rounding. It is -inf if floats overflow.
 
-    ``rest`` (p,) holds t, and on return what the multipliers leave of it, t - rows'y. ``active[q]``
-    (c,) names c constraints, j < p for the order's and p + i for row i, and ``y`` (1 + c,) holds
-    the multipliers of the total and of these. Negative ones count as zero. So do the order's, for
-    the closed form over K_0 knows the best ones itself.
+    ``rest`` (p,) holds t on entry. On return it holds the rest t - rows'y. ``active[q]`` (c,) names
+    c constraints, j < p for the order's and p + i for row i. ``y`` (1 + c,) holds the multipliers
+    of the total and of these. Negative ones count as zero. So do the order's, since the closed form
+    over K_0 finds the best ones itself.
     """
     p, c = len(rest), active.shape[1]
     size, gained, weight = largest(rest), 0.0, 0.0
@@ -196,17 +196,14 @@ def certified_bound(t: Floats, y: Floats, region: Region) -> float:
 
 
 def strictly_inside(g: Floats, region: Region) -> bool:
-    """Return whether g (p,), divided by its sum, satisfies every constraint by more than any
-    rounding.
-    """
+    """Return whether g (p,), divided by its sum, is inside the region by more than any rounding."""
     slack = np.empty(region.p + len(region.rhs))
     total_is_one = abs(float(g.sum()) - 1.0) < 1e-12
     return total_is_one and surely_inside(g, *_arrays(region), slack)
 
 
 def pull_inside(g: Floats, centre: Floats, region: Region) -> Floats | None:
-    """Return the nearest strictly interior mixture of g and a strictly interior centre, if there is
-    one.
+    """Return the nearest strictly interior mixture of g and a strictly interior centre, or None.
 
     The entries of g (p,) total about 1.
     """

@@ -1,12 +1,18 @@
-"""Proofs of the sign of t.g over K_t, cheapest first, in compiled code: the one cascade, ``prove``.
+"""Proofs of the sign of t.g over K_t, cheapest first, in compiled code.
 
-The proofs come in the order that pays: one known row lifted over t (dominance after adding an
-answer), known points of both signs, multipliers at the best vertex known, the closed form over K_0,
-and last a walk from vertex to vertex of K_t (the primal simplex method, started at the best vertex
-known). A walk ends at a point that shows t.g < 0, or at multipliers y >= 0 whose bound, less every
-rounding, shows t.g > 0. If none of them can show a sign, the difference is left UNSETTLED. Nothing
-here is a guess, and nothing kept between two calls changes a verdict. Dominance comes before all of
-this.
+``prove`` tries the proofs in the order that saves most time:
+
+1. one known row lifted over t (dominance after adding an answer),
+2. known points of both signs,
+3. multipliers at the best vertex known,
+4. the closed form over K_0,
+5. a walk from vertex to vertex of K_t (the primal simplex method, started at the best vertex
+   known).
+
+A walk ends at a point that shows t.g < 0, or at multipliers y >= 0. If the multipliers' bound, less
+every rounding, is positive, it shows t.g > 0. If no proof shows a sign, the difference is left
+UNSETTLED. Nothing here is a guess, and nothing kept between two calls changes a verdict. Dominance
+is tested before all of this.
 """
 
 import math
@@ -44,13 +50,14 @@ NOWHERE = -1  # no row, no vertex
 def prove(t: Any, certificate: Any, known: Known, verdicts: Any, tiers: Any) -> bool:
     """Decide the sign of t.g over K_t for each row of tail sums t (n, p) whose verdict is UNKNOWN.
 
-    Verdicts (n,), UNSETTLED where no proof is found, and tiers (n,) are written into the last two
-    arguments. Many rows share one call, for to hand over all that is known costs as much as a cheap
-    proof.
+    Verdicts (n,) and tiers (n,) are written into the last two arguments. A verdict is UNSETTLED if
+    no proof is found. Many rows share one call, because handing over ``known`` takes as long as a
+    cheap proof.
 
-    ``certificate`` is (0,), or (p,) to write in if there is one row and a certificate is wanted: a
-    vector f with f.g >= 0 on K_t, below t times the verdict. Returns whether there is one. Then the
-    proofs that give wide certificates come first.
+    ``certificate`` is (p,) if there is one row and a certificate is wanted, else (0,). The
+    certificate f that is written into it has f.g >= 0 on K_t and lies below t times the verdict. If
+    one is wanted, the proofs that give wide certificates come first. Return whether one was
+    written.
     """
     margin, inside, counts = known.margin, known.inside, known.counts
     rows, lifted, masks = known.rows, known.lifted, known.masks
@@ -109,14 +116,13 @@ def sign_of(t: Any, known: Known) -> int:
 def glance(
     t: Any, doubt: float, side: int, used: int, corners: Any, at: Any, y: Any, rest: Any
 ) -> tuple[int, int]:
-    """Return the verdict that the known vertices with the least and the greatest t.g prove, and the
-    vertex.
+    """Return the verdict that the known vertices with least and greatest t.g prove, and a vertex.
 
-    If these have both signs, it is (UNKNOWN, NOWHERE). Otherwise one of them may prove to be the
-    best of all. ``corners`` are the arrays of ``Known`` about vertices, of which ``used`` are in
-    use. ``side`` is the certain sign of t.g at the inner point, else 0. ``at`` (>= used,) receives
-    t.g at each. If a vertex proves the verdict, its multipliers are written into ``y`` (p,), and
-    the part of +-t that they leave into ``rest`` (p,).
+    If the two have both signs, the result is (UNKNOWN, NOWHERE). Otherwise one of them may prove to
+    be the best of all. ``corners`` are the arrays of ``Known`` about vertices, of which ``used``
+    are in use. ``side`` is the certain sign of t.g at the inner point, else 0. ``at`` (>= used,)
+    receives t.g at each vertex. If a vertex proves the verdict, its multipliers are written into
+    ``y`` (p,), and the part of +-t that they leave into ``rest`` (p,).
     """
     margin, cuts, limits, points, inverses, active, kind = corners
     above, below = signs_at_points(t, doubt, side, points, kind, at[:used])
@@ -156,8 +162,7 @@ def signs_together(
 def signs_at_points(
     t: Any, doubt: float, side: int, points: Any, kind: Any, at: Any
 ) -> tuple[bool, bool]:
-    """Return whether t.g is certainly positive at some known point of K_t, and certainly negative
-    at some.
+    """Return whether t.g is certainly positive at some known point, and certainly negative at one.
 
     ``side`` is its sign at one of them, or 0. t.g at each of the points (p, >= q) is written into
     ``at`` (q,).
@@ -178,8 +183,7 @@ def signs_at_points(
 
 @compiled
 def outermost(at: Any, kind: Any, with_basis: bool) -> tuple[int, int]:
-    """Return the known points of the least and the greatest number in at (q,), NOWHERE if there are
-    none.
+    """Return the places of the least and the greatest number in at (q,), or NOWHERE.
 
     If ``with_basis``, only points with a basis count.
     """
@@ -207,7 +211,7 @@ def search(t: Any, known: Known) -> tuple[int, int]:
     for j in range(p):
         total += t[j]
         opposite[j] = -t[j]
-    if not math.isfinite(total):  # t is too large to be summed: nothing follows
+    if not math.isfinite(total):  # t is too large to be summed, so that nothing follows
         return UNSETTLED, BY_SIMPLEX
     doubt = score_doubt(p, largest(t))
     if least_in_order(t, known.margin) > doubt:
@@ -249,10 +253,9 @@ def side_of(t: Any, g: Any, doubt: float) -> int:
 
 @compiled
 def lifting_row(t: Any, side: int, rows: Any, lifted: Any, masks: Any, counts: Any) -> int:
-    """Return a known row w with side * t >= lambda w for some lambda >= 0, NOWHERE if there is
-    none.
+    """Return a known row w with side * t >= lambda w for some lambda >= 0, or NOWHERE.
 
-    The row that was found last time comes first, which ``counts`` remembers.
+    The row that was found last time is tried first. ``counts`` remembers it.
     """
     negative = np.uint64(0)  # w can only help if it is negative at every entry where side * t is
     for j in range(min(len(t), 64)):
@@ -272,7 +275,7 @@ def lifting_row(t: Any, side: int, rows: Any, lifted: Any, masks: Any, counts: A
 def lifts(t: Any, side: int, row: int, rows: Any, lifted: Any) -> bool:
     """Return whether side * t >= lambda w, rounding included, for row w.
 
-    Lambda is the least that lifts the negative entries.
+    Lambda is the least number that lifts the negative entries.
     """
     least = 0.0
     for j in range(len(t)):
@@ -293,8 +296,9 @@ def lifts(t: Any, side: int, row: int, rows: Any, lifted: Any) -> bool:
 
 @compiled
 def below_by_row(t: Any, side: int, row: int, rows: Any, lifted: Any, certificate: Any) -> bool:
-    """Write a certificate from the row that decided t: the middle one of its multiples that lie
-    below side * t.
+    """Write a certificate from the row that decided t.
+
+    It is the middle one of the row's multiples that lie below side * t. Return whether it holds.
     """
     least, most = 0.0, math.inf
     for j in range(len(t)):
@@ -319,8 +323,11 @@ def below_by_row(t: Any, side: int, row: int, rows: Any, lifted: Any, certificat
 def below_by_corner(
     t: Any, side: int, y: Any, rest: Any, corner: int, known: Known, certificate: Any
 ) -> bool:
-    """Write a certificate from the multipliers y (p,) of a corner, which leave ``rest`` (p,) of
-    side * t: that may sink until half of its least entry is gone."""
+    """Write a certificate from the multipliers y (p,) of a vertex.
+
+    The multipliers leave ``rest`` (p,) of side * t. The certificate allows that rest to fall by
+    half of its least entry. Return whether there is a certificate.
+    """
     p = len(t)
     size, gained, weight, least = largest(t), 0.0, 0.0, rest[0]
     for j in range(p):

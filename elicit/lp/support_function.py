@@ -1,11 +1,12 @@
 """The support function of K_t: the greatest t.g for many t at once, in code numba can compile.
 
 Each maximum starts at the best vertex known and walks on from there (``walk``). The result of
-``greatest`` is no vertex's value, but the bound that its multipliers prove, rounding included.
+``greatest`` is not a vertex's value. It is the bound that the vertex's multipliers prove, rounding
+included.
 
-``greatest_beside`` asks what the maxima would be if K_t were cut in two. It proves nothing: it
-serves to choose cuts. A maximum stays where it is in one of the two parts. In the other one it is
-found by the dual simplex method from there, in a few steps, and K_t itself is not cut.
+``greatest_beside`` tells what the maxima would be if K_t were cut in two. It proves nothing and
+serves to choose cuts. A maximum stays the same in one of the two parts. In the other one the dual
+simplex method finds it from there in a few steps. K_t itself is not cut.
 """
 
 import math
@@ -32,17 +33,15 @@ from elicit.model.difference import of_order_one, tail_sums
 from elicit.model.difference_kernel import to_order_one
 from elicit.model.scale import Floats, order_bounds
 
-_MISSED = 1e-10  # by how much a corner may miss a constraint where nothing is to be proven
-_ENTERS = 1e-11  # a rate below that is rounding
-OUTSIDE = 1e-11  # a corner that violates a constraint by at most this lies in K_t up to rounding
+_MISSED = 1e-10  # how far a vertex may violate a constraint if nothing is to be proven
+_ENTERS = 1e-11  # a smaller rate is rounding
+OUTSIDE = 1e-11  # a vertex that violates a constraint by at most this lies in K_t up to rounding
 
 
 def greatest(d: Floats, known: Known) -> tuple[Floats, Floats]:
     """Return upper bounds (n,) on d.e over K_t, and d.e (n,) where the walks ended.
 
-    If the set is too flat for floats to have vertices, the bounds are those that the order of the
-    levels gives. A walk ends in a point of K_t, up to rounding; where none is found the second
-    number is -inf. Where the two are the same, the bound is tight.
+    Where the two are the same, the bound is tight.
 
     Parameters
     ----------
@@ -51,7 +50,11 @@ def greatest(d: Floats, known: Known) -> tuple[Floats, Floats]:
 
     Returns
     -------
-    bounds, reached : (n,) each
+    bounds : (n,)
+        If the set is too flat for floats to have vertices, these are the bounds from the order of
+        the levels.
+    reached : (n,)
+        d.e at a point of K_t, up to rounding, or -inf if none is found.
     """
     t = tail_sums(d)
     high: Floats = order_bounds(t, known.margin)[1]
@@ -65,8 +68,10 @@ def greatest(d: Floats, known: Known) -> tuple[Floats, Floats]:
 
 @compiled
 def greatest_all(t: Any, known: Known, high: Any, reached: Any) -> None:
-    """Lower each upper bound (n,) on t.g, t (n, p), to the bound that the best vertex's multipliers
-    prove, and write t.g at that vertex into ``reached`` (n,) if it lies in K_t up to rounding.
+    """Lower each upper bound (n,) on t.g, t (n, p), to the one that the best vertex proves.
+
+    The bound follows from the vertex's multipliers. If the vertex lies in K_t up to rounding, its
+    t.g is written into ``reached`` (n,).
     """
     n, p = t.shape
     s, rest, y, g = np.empty(p), np.empty(p), np.empty(p), np.empty(p)
@@ -117,7 +122,7 @@ def greatest_beside(d: Floats, asked: Floats, known: Known, enough: Floats) -> F
         The parts are those where asked.e <= 0 and where asked.e >= 0.
     known : Known
     enough : (n,)
-        A number up to this need not be exact: it may be anything up to this.
+        A maximum up to this number need not be exact. Any number up to this may stand for it.
 
     Returns
     -------
@@ -139,7 +144,7 @@ def greatest_beside(d: Floats, asked: Floats, known: Known, enough: Floats) -> F
 def _divide(t: Any, asked: Any, known: Known, divided: Known, enough: Any, out: Any) -> None:
     """Write the greatest t.g, t (n, p), over the parts made by rows ``asked`` (c, p) into ``out``.
 
-    ``divided`` is K_t with a row more, for the row that makes the part.
+    ``divided`` is K_t with one more row, the one that makes the part.
     """
     (n, p), m = t.shape, len(known.limits)
     s, y, g = np.empty(p), np.empty(p), np.empty(p)
@@ -194,11 +199,11 @@ def _divide(t: Any, asked: Any, known: Known, divided: Known, enough: Any, out: 
 def _least_beyond(
     s: Any, inverse: Any, active: Any, least: float, slack: Any, known: Known, enough: float
 ) -> float:
-    """Return about the least s.g over K_t by the dual simplex method.
+    """Return about the least s.g over K_t by the dual simplex method, or inf if K_t is empty.
 
     It starts from a basis, in ``inverse`` (1, p, p) and ``active`` (1, p - 1), whose multipliers
-    are not negative and whose corner has the value ``least`` and these slacks (p + m,). It ends as
-    soon as the least is at least ``enough``. inf if K_t is empty.
+    are not negative. The basis's vertex has the value ``least`` and these slacks (p + m,). The
+    search ends as soon as the least is at least ``enough``.
     """
     p = len(s)
     y, w, rate = np.empty(p), np.empty(p), np.empty(len(slack))

@@ -1,7 +1,6 @@
-"""The upkeep of what is known of K_t: made from a region, cut by answers, pruned of what follows
-from the rest.
+"""The upkeep of the facts about K_t: made from a region, cut by answers, pruned of redundant rows.
 
-Everything here works on the arrays of ``primal_simplex.Known``; a cut makes new ones, so that an
+All functions work on the arrays of ``primal_simplex.Known``. A cut makes new arrays, so that an
 older comparator still answers as before.
 """
 
@@ -39,13 +38,14 @@ from elicit.lp.rounding import (
 from elicit.model.scale import Floats
 
 MOST_CORNERS = 128
-MOST_NUMBERS = 1_000_000  # in all their inverses: with very many levels, fewer corners are kept
+MOST_NUMBERS = 1_000_000  # in all their inverses: with very many levels, fewer vertices are kept
 MOST_ROWS = 16  # rows proven beside the region's own
 
 
 def start(region: Region) -> Known:
-    """What is known before any comparison: the region's rows, and the corners of K_0 that lie in
-    it.
+    """Return the facts known before any comparison.
+
+    They are the region's rows, and the vertices of K_0 that lie in the region.
     """
     p, rows, limits = region.p, region.rows, region.rhs
     corners = max(8, min(MOST_CORNERS, MOST_NUMBERS // (p * p)))
@@ -61,9 +61,11 @@ def start(region: Region) -> Known:
 
 
 def cut(known: Known, region: Region) -> Known:
-    """The same for a region whose last row was not among its rows before: all rows that held still
-    hold, and the corners that the new row cannot cut off stay. Its inner point is still the old
-    one: ``refresh``."""
+    """Return the facts known of a region with one more row, its last.
+
+    All rows that held still hold. The vertices that the new row cannot cut off stay. The inner
+    point is still the old one: call ``refresh``.
+    """
     row, limit, given = region.rows[-1], region.rhs[-1], len(known.limits)
     new = _with_rows(known, row[None], region.rhs[-1:])
     stays = np.empty(known.counts[USED], dtype=np.bool_)
@@ -82,7 +84,7 @@ def cut(known: Known, region: Region) -> Known:
 
 
 def refresh(known: Known, region: Region) -> Known:
-    """With a point strictly inside and a corner to start from, for a region that is not empty."""
+    """Give the facts about a non-empty region an inner point and a vertex to start walks from."""
     if not recentre(known, region.rows[-1], region.rhs[-1]):
         _recentre_dearly(known, region)
     _find_some_corner(known, region)
@@ -91,8 +93,11 @@ def refresh(known: Known, region: Region) -> Known:
 
 @compiled
 def beyond_doubt(known: Known, row: Any, limit: float, stays: Any) -> None:
-    """Marks the corners (q,) whose points have row.g >= limit beyond doubt, and those good for
-    their bases alone that are not far on the wrong side."""
+    """Mark the vertices (q,) that a new row cannot cut off.
+
+    Their points have row.g >= limit beyond doubt. A vertex of which only the basis counts stays if
+    it does not violate the row by more than 1e-9.
+    """
     p = len(row)
     for q in range(len(stays)):
         excess, size = -limit, abs(limit)
@@ -106,10 +111,12 @@ def beyond_doubt(known: Known, row: Any, limit: float, stays: Any) -> None:
 
 @compiled
 def know_rows(known: Known, rows: Any, limits: Any) -> None:
-    """The known rows become rows w (r, p) with w.g >= 0, from rows.g >= limits and sum g = 1,
-    rounded up where rounding is needed; with their lifted versions, a little larger where negative
-    and larger still where positive, so that t >= lambda times that implies t >= lambda (1 + 2^-48)
-    w; and their masks."""
+    """Replace the known rows by rows w (r, p) with w.g >= 0, and set their masks.
+
+    They follow from rows.g >= limits and sum g = 1, rounded up where rounding is needed. Each has a
+    lifted version: a little larger where w is negative, and larger still where w is positive. So t
+    >= lambda times the lifted row implies t >= lambda (1 + 2^-48) w.
+    """
     for i in range(len(limits)):
         mask, tiny, limit = np.uint64(0), False, limits[i]
         for j in range(rows.shape[1]):
@@ -122,16 +129,19 @@ def know_rows(known: Known, rows: Any, limits: Any) -> None:
             if j < 64 and w >= 0.0:
                 mask |= np.uint64(1) << np.uint64(j)
         known.masks[i] = mask
-        if tiny:  # of entries so small that products with them underflow nothing can be concluded
+        if tiny:  # products with such entries underflow and prove nothing
             for j in range(rows.shape[1]):
                 known.lifted[i, j] = math.nan
 
 
 @compiled
 def recentre(known: Known, row: Any, limit: float) -> bool:
-    """Move the inner point to the right side of a new row: half-way between the mean of the known
-    points and the old inner point, which is first moved across the cut towards that mean; or to the
-    mean. False where neither is certainly inside."""
+    """Move the inner point to the right side of a new row, and return whether that succeeded.
+
+    The old inner point is first moved across the cut, towards the mean of the known points.
+    Half-way between the two is tried first, then the mean itself. The result is False if neither is
+    certainly inside.
+    """
     p, n = len(known.inside), 0
     mean = np.zeros(p)
     for q in range(known.counts[USED]):
@@ -165,7 +175,7 @@ def recentre(known: Known, row: Any, limit: float) -> bool:
 
 @compiled
 def add_point(known: Known, g: Any) -> None:
-    """Know a point of K_t (each component right to its last bits)."""
+    """Store a point of K_t, each component of which is right to its last bits."""
     q = next_slot(known)
     for j in range(len(g)):
         known.points[j, q] = g[j]
@@ -174,13 +184,16 @@ def add_point(known: Known, g: Any) -> None:
 
 
 def has_point(known: Known) -> bool:
-    """Whether some point is certainly in K_t."""
+    """Return whether some point is certainly in K_t."""
     return bool((known.kind[: known.counts[USED]] != DOUBTFUL_CORNER).any())
 
 
 def prune(known: Known, region: Region) -> tuple[Known, Region]:
-    """The same set without rows that follow from the others; they stay among the rows that are
-    known to hold. Corners that rest on them lose their basis."""
+    """Return the same set without the rows that follow from the others.
+
+    These rows stay among the rows that are known to hold. Vertices that depend on them lose their
+    basis.
+    """
     out = redundant(known)
     if not out.any():
         return known, region
@@ -203,12 +216,12 @@ def prune(known: Known, region: Region) -> tuple[Known, Region]:
 
 
 def add_row(known: Known, row: Floats) -> Known:
-    """Know that row.g >= 0 on K_t."""
+    """Store that row.g >= 0 on K_t."""
     return _with_latest_rows(known, np.concatenate([known.rows, row[None, :]]))
 
 
 def add_corner(known: Known, basis: tuple[int, ...]) -> None:
-    """Know the corner with these active constraints, if floats can invert them."""
+    """Store the vertex with these active constraints, if floats can invert them."""
     p = len(known.inside)
     active, inverse = np.array(basis, dtype=np.int64), np.zeros((p, p))
     g, slack = np.zeros(p), np.zeros(len(known.room))
@@ -219,7 +232,7 @@ def add_corner(known: Known, basis: tuple[int, ...]) -> None:
 
 
 def _with_rows(known: Known, rows: Floats, limits: Floats) -> Known:
-    """Other known rows, from rows.g >= limits for rows (r, p)."""
+    """Return a copy with other known rows, from rows.g >= limits for rows (r, p)."""
     known = known._replace(
         rows=np.empty(rows.shape), lifted=np.empty(rows.shape), masks=np.empty(len(rows), np.uint64)
     )
@@ -228,13 +241,14 @@ def _with_rows(known: Known, rows: Floats, limits: Floats) -> Known:
 
 
 def _inserted(array: NDArray[Any], at: int, part: NDArray[Any]) -> NDArray[Any]:
-    """The array with further rows from place ``at`` on."""
+    """Return the array with further rows inserted from place ``at`` on."""
     return np.concatenate([array[:at], part, array[at:]])
 
 
 def _with_latest_rows(known: Known, rows: Floats) -> Known:
-    """Other known rows: of these (r, p) the region's own, which come first, and the latest of the
-    others.
+    """Return a copy with the latest of these known rows (r, p).
+
+    The region's own rows come first and all stay. Only the latest of the others do.
     """
     given = len(known.limits)
     rows = np.concatenate([rows[:given], rows[given:][-MOST_ROWS:]])
@@ -242,7 +256,7 @@ def _with_latest_rows(known: Known, rows: Floats) -> Known:
 
 
 def _only_corners(known: Known, stay: NDArray[np.intp]) -> Known:
-    """A copy of the corners, only those of these numbers."""
+    """Return a copy with only the vertices of these numbers."""
     n = len(stay)
     points, inverses = np.zeros_like(known.points), np.empty_like(known.inverses)
     active, kind, age = (
@@ -253,7 +267,7 @@ def _only_corners(known: Known, stay: NDArray[np.intp]) -> Known:
     points[:, :n], active[:n] = known.points[:, stay], known.active[stay]
     np.take(
         known.inverses, stay, axis=0, out=inverses[:n], mode="clip"
-    )  # "raise" would copy them twice
+    )  # mode "raise" would copy them twice
     kind[:n], age[:n] = known.kind[stay], known.age[stay]
     counts = known.counts.copy()
     counts[USED], counts[SLOT] = n, n % len(kind)
@@ -263,7 +277,7 @@ def _only_corners(known: Known, stay: NDArray[np.intp]) -> Known:
 
 
 def _recentre_dearly(known: Known, region: Region) -> None:
-    """With the analytic centre as the inner point if it is strictly inside, else with none."""
+    """Set the inner point to the analytic centre; clear it if that is not strictly interior."""
     centre = analytic_centre(region)
     known.inside[:] = centre if strictly_inside(centre, region) else np.nan
     if not np.isnan(known.inside[0]):
@@ -272,6 +286,6 @@ def _recentre_dearly(known: Known, region: Region) -> None:
 
 
 def _find_some_corner(known: Known, region: Region) -> None:
-    """With a corner to start walks from, where floats find one."""
+    """Store a vertex to start walks from, if there is none and floats find one."""
     if region.p > 1 and not (known.kind[: known.counts[USED]] != CERTAIN_POINT).any():
         add_corner(known, minimise(np.zeros(region.p), region).basis)

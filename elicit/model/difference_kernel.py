@@ -1,7 +1,7 @@
 """The functions of ``difference`` and ``pairs``, one difference at a time, for compiled code.
 
-They give the same numbers to the last bit. A table finds the answer to a pair. They stand apart
-because numba takes long to import, and ``import elicit`` does without it.
+They give the same numbers to the last bit. A table finds the answer to a pair. The module is
+separate because numba takes long to import, and ``import elicit`` does without it.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from elicit.model.query import Verdict
 from elicit.model.scale import Floats
 
 WORSE, EQUAL, BETTER, UNKNOWN = map(int, Verdict)  # as plain numbers
-UNSETTLED = 3  # and one more code: the compiled code cannot tell
+UNSETTLED = 3  # a further code: the compiled code cannot decide
 NOT_THERE = -1  # the row of a pair that is not in a table
 
 
 @compiled
 def tail_sums_into(d: Any, i: int, t: Any) -> None:
     """Write ``difference.tail_sums`` of row i of d (n, k) into t (k-1,)."""
-    total = -0.0  # as a sum begins that keeps the sign of zero
+    total = -0.0  # a sum that begins so keeps the sign of zero
     for j in range(len(t) - 1, -1, -1):
         total += d[i, j + 1]
         t[j] = total
@@ -34,11 +34,11 @@ def tail_sums_into(d: Any, i: int, t: Any) -> None:
 
 @compiled
 def to_order_one(t: Any) -> tuple[float, int]:
-    """Divide t (p,) by a power of two, so that its largest entry is in [1/2, 1), as
-    ``difference.of_order_one`` does.
+    """Divide t (p,) by a power of two, so that its largest entry is in [1/2, 1).
 
-    Returns that entry and the exponent. Where bits would be lost, t stays as it is, with the
-    exponent 0: what is concluded from it is as certain, but may be less.
+    ``difference.of_order_one`` does the same. Return the largest entry and the exponent. If bits
+    would be lost, t stays as it is, with the exponent 0. Then conclusions from it are as certain,
+    but there may be fewer.
     """
     size = largest(t)
     fraction, exponent = math.frexp(size)
@@ -56,7 +56,7 @@ def to_order_one(t: Any) -> tuple[float, int]:
 
 @compiled
 def largest(t: Any) -> float:
-    """Return the size of the largest entry."""
+    """Return the absolute value of the largest entry."""
     size = 0.0
     for j in range(len(t)):
         size = max(size, abs(t[j]))
@@ -74,20 +74,23 @@ def by_dominance(t: Any) -> int:
 
 @compiled
 def by_range(least: float, greatest: float) -> int:
-    """Return the verdict of eq. (4) on tail sums whose extremes, 0 among them, are these."""
+    """Return the verdict of eq. (4) on tail sums from ``least`` <= 0 to ``greatest`` >= 0."""
     if greatest > 0.0:
         return UNKNOWN if least < 0.0 else BETTER
     return WORSE if least < 0.0 else EQUAL
 
 
 class PairTable(NamedTuple):
-    """Answers by pair. ``marks`` (n,), sorted, and ``rows`` (n,) find them; the other arrays are as
-    they came, perhaps with room behind."""
+    """Answers by pair.
+
+    ``marks`` (n,), sorted, and ``rows`` (n,) find them. The other arrays are in the order of the
+    answers, perhaps with unused places at their end.
+    """
 
     marks: Floats
     rows: NDArray[np.int64]
     sums: Floats  # (c, p) tail sums
-    said: NDArray[np.int8]  # (c,) what the tutor said of the left one
+    said: NDArray[np.int8]  # (c,) the tutor's verdict on the left one
     binding: NDArray[np.bool_]  # (c,) whether no model may overrule it
 
 
@@ -109,8 +112,9 @@ def near_to(t: Any) -> float:
 
 @compiled
 def marks_within(near: float, p: int) -> float:
-    """Return how far the marks of two tail sums (p,) may be apart of which no entry differs by more
-    than ``near``.
+    """Return how far apart the marks of two tail sums (p,) may be.
+
+    No entry of the two differs by more than ``near``.
     """
     total = 0.0
     for j in range(p):
@@ -129,8 +133,11 @@ def apart(t: Any, sign: int, other: Any) -> float:
 
 @compiled
 def find(t: Any, table: PairTable) -> tuple[int, int]:
-    """Return the row of the pair with tail sums t (p,), and 1, or -1 where it is there exchanged;
-    ``NOT_THERE``, 1 where it is not. Of several rows the nearest."""
+    """Return the row of the pair with tail sums t (p,), and 1 or -1.
+
+    The latter is -1 if the row holds the pair flipped. If no row holds it, the result is
+    ``NOT_THERE`` and 1. If several do, it is the nearest.
+    """
     n, best, way = len(table.marks), NOT_THERE, 1
     if n == 0:
         return best, way
@@ -149,15 +156,16 @@ def find(t: Any, table: PairTable) -> tuple[int, int]:
 
 @compiled
 def find_all(t: Any, table: PairTable, rows: Any, ways: Any) -> None:
-    """Write what ``find`` returns of tail sums t (n, p) into rows (n,) and ways (n,)."""
+    """Write the results of ``find`` for tail sums t (n, p) into rows (n,) and ways (n,)."""
     for i in range(len(t)):
         rows[i], ways[i] = find(t[i], table)
 
 
 @compiled
 def way_round(t: Any) -> int:
-    """Return the direction of tail sums t (p,), as ``pairs.ways_round``; 0 for two vectors that are
-    the same.
+    """Return the direction of tail sums t (p,), as ``pairs.ways_round`` does.
+
+    It is 0 if the two vectors are the same.
     """
     mark = mark_of(t)
     return 1 if mark > 0.0 else -1 if mark < 0.0 else 0
@@ -165,8 +173,9 @@ def way_round(t: Any) -> int:
 
 @compiled
 def pair_code(key: Any, t: Any) -> Any:
-    """Return a hash of (key, the unordered pair with tail sums t (p,)), of its
-    ``pairs.whole_numbers``.
+    """Return a hash of the key and the unordered pair with tail sums t (p,).
+
+    The pair is hashed as its ``pairs.whole_numbers``.
     """
     size, sign = largest(t), way_round(t)
     exponent = max(0, math.frexp(size * OFFSET)[1])

@@ -16,7 +16,25 @@ Floats = NDArray[np.float64]
 
 
 def as_rows(numbers: ArrayLike, k: int | None = None, name: str = "d") -> Floats:
-    """Validate (n, k) finite floats; one vector (k,) becomes (1, k). Raises ValueError."""
+    """Return numbers as valid rows (n, k) of finite floats. One vector (k,) becomes (1, k).
+
+    Parameters
+    ----------
+    numbers : (n, k) or (k,)
+    k : int, optional
+        The number of levels that is required. Default: any, from 2 on.
+    name : str
+        The name of the numbers in messages.
+
+    Returns
+    -------
+    (n, k)
+
+    Raises
+    ------
+    ValueError
+        For another shape, and for numbers that are not finite.
+    """
     try:
         a = np.asarray(numbers, dtype=np.float64)
         a = a if a.ndim == 2 else np.atleast_2d(a)
@@ -34,8 +52,10 @@ def as_rows(numbers: ArrayLike, k: int | None = None, name: str = "d") -> Floats
 
 
 def dot(t: Floats, g: Floats) -> Floats:
-    """t.g (n,) of t (n, k-1) and g (k-1,), summed in order: a row's result does not depend on its
-    neighbours, as it can with BLAS."""
+    """Return t.g (n,) of t (n, k-1) and g (k-1,).
+
+    It is summed in order, so that a row's result does not depend on its neighbours, as with BLAS.
+    """
     total: Floats = np.zeros(t.shape[:-1])
     for j in range(t.shape[-1]):
         total = total + t[..., j] * g[..., j]
@@ -43,13 +63,14 @@ def dot(t: Floats, g: Floats) -> Floats:
 
 
 def exact_dot(t: Iterable[Any], g: Iterable[Any]) -> Fraction:
-    """t.g of tail sums t (k-1,) and gaps g (k-1,), floats or Fractions, without rounding."""
+    """Return t.g of tail sums t (k-1,) and gaps g (k-1,), floats or Fractions, without rounding."""
     return sum((Fraction(a) * Fraction(b) for a, b in zip(t, g, strict=True)), Fraction())
 
 
 def rounded_to_total(parts: Floats, digits: int = 0) -> Floats:
-    """Round parts (k,) to so many decimals and keep their total, itself rounded: the largest
-    remainders go up.
+    """Round parts (k,) to so many decimals and keep their total, itself rounded.
+
+    The parts with the largest remainders are rounded up.
     """
     unit = 10.0**digits
     exact = np.round(parts * unit, 6)  # a part that is whole but for float error stays as it is
@@ -60,8 +81,23 @@ def rounded_to_total(parts: Floats, digits: int = 0) -> Floats:
 
 
 def normalise(values: ArrayLike) -> Floats:
-    """The scale (k,) as (values - values[0]) / (values[-1] - values[0]). Raises ValueError unless
-    values are k >= 2 finite, strictly increasing numbers."""
+    """Return the scale (k,) as (values - values[0]) / (values[-1] - values[0]).
+
+    Parameters
+    ----------
+    values : (k,)
+        The value of each level, worst first.
+
+    Returns
+    -------
+    (k,)
+        From 0 to 1.
+
+    Raises
+    ------
+    ValueError
+        Unless there are k >= 2 finite, strictly increasing values.
+    """
     v = as_rows(values, name="values")[0] if np.ndim(values) == 1 else None
     if v is None:
         raise ValueError(f"values must have shape (k,) with k >= 2, not {np.shape(values)}")
@@ -83,17 +119,20 @@ def normalise(values: ArrayLike) -> Floats:
 
 
 def gaps(values: ArrayLike) -> Floats:
-    """The gaps g (k-1,) of a scale, normalised to total 1."""
+    """Return the gaps g (k-1,) of a scale, normalised to total 1."""
     return np.diff(normalise(values))
 
 
 def values_of(g: Floats) -> Floats:
-    """The scale e (k,) of gaps g (k-1,): 0, g_1, g_1 + g_2, ..."""
+    """Return the scale e (k,) of gaps g (k-1,): 0, g_1, g_1 + g_2, ..."""
     return np.concatenate([[0.0], np.cumsum(g)])
 
 
 def order_bounds(t: Floats, margin: float) -> tuple[Floats, Floats]:
-    """Least and greatest d.e (n,) over K_0 = {g >= margin, sum g = 1}, in closed form."""
+    """Return the least and the greatest d.e (n,) over K_0 = {g >= margin, sum g = 1}.
+
+    They have a closed form in the tail sums t (n, k-1).
+    """
     p = t.shape[-1]
     base = margin * t.sum(axis=-1)
     free = 1 - p * margin

@@ -11,11 +11,26 @@ from elicit.tutors.log_lines import BadLog
 def merge_logs(logs: Sequence[AnswerLog], out: str | os.PathLike[str]) -> None:
     """Write all answers of the logs to a new file, one log after the other.
 
-    Answers of which two are copies of the same are written once. Withdrawn ones come first, so that
-    they take back no other's. What was asked is left out. Logs of several people become one in
-    which each answer says whose it is.
+    An answer that is in several logs is written once. Withdrawn answers come first: withdrawing
+    takes back all earlier answers to a query. Questions without an answer are left out. In a merged
+    log of several people each answer names its person.
 
-    Raises BadLog where the headers differ, ValueError for no logs, FileExistsError, OSError.
+    Parameters
+    ----------
+    logs : sequence of AnswerLog
+    out : str or path
+        The new file.
+
+    Raises
+    ------
+    BadLog
+        If the headers differ.
+    ValueError
+        If there are no logs.
+    FileExistsError
+        If the file exists.
+    OSError
+        If it cannot be written.
     """
     if not logs:
         raise ValueError("there are no logs to merge")
@@ -41,7 +56,7 @@ def merge_logs(logs: Sequence[AnswerLog], out: str | os.PathLike[str]) -> None:
     with AnswerLog(out, logs[0].k, free, one) as merged:
         for entry in sorted(
             entries, key=lambda entry: not entry.retracted
-        ):  # which keeps the order otherwise
+        ):  # the order stays otherwise
             merged.append(entry.answer, entry.used or entry.retracted, **entry.metadata)
             if entry.retraction is not None:
                 merged.retract(entry.answer.query.id, **entry.retraction)

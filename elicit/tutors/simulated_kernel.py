@@ -1,6 +1,7 @@
 """A simulated tutor as plain arrays, answering one pair at a time, in compiled code.
 
-Also for the oracle that is asked about everything: millions of answers, none of which is kept.
+It also serves as the oracle that is asked about everything: it gives millions of answers, none of
+which is kept.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ GIVEN, WRONG, PAIRS = (
     0,
     1,
     2,
-)  # what a tally counts: answers, wrong ones, different pairs asked about
+)  # the entries of a tally: answers, wrong ones, different pairs asked about
 
 
 class Respondent(NamedTuple):
@@ -30,16 +31,16 @@ class Respondent(NamedTuple):
 
     kind: int
     gaps: Floats  # (p,)
-    rate: float  # FLIPPING: of errors; LOGISTIC: precision, logits per unit of d.e
-    tie: float  # what |d.e| up to it is called equal; LOGISTIC: Rao and Kupper's width
-    key: Any  # np.uint64, of the errors
+    rate: float  # FLIPPING: share of errors; LOGISTIC: precision, logits per unit of d.e
+    tie: float  # the largest |d.e| that is called equal; LOGISTIC: Rao and Kupper's width
+    key: Any  # np.uint64, the key of the errors
     pairs: NDArray[np.uint64]  # (c,) hash table of the pairs' hashes, 0 where it is free
     times: NDArray[np.int64]  # (c,)
     tally: NDArray[np.int64]  # (3,)
 
 
 def nobody() -> Respondent:
-    """One who is not asked."""
+    """Return a respondent who is never asked."""
     pairs, times = np.empty(0, np.uint64), np.empty(0, np.int64)
     return Respondent(
         NOBODY, np.empty(0), 0.0, 0.0, np.uint64(0), pairs, times, np.zeros(3, np.int64)
@@ -50,7 +51,7 @@ def nobody() -> Respondent:
 def truth(t: Any, g: Any) -> tuple[int, float]:
     """Return the sign of t.g, of tail sums t (p,) and gaps g (p,), and its size.
 
-    The sign is UNSETTLED if the sum is so near to 0, or so large, that its rounding leaves it open.
+    The sign is UNSETTLED if rounding leaves it open: the sum is too near to 0, or too large.
     """
     at, size = 0.0, 0.0
     for j in range(len(t)):
@@ -77,7 +78,7 @@ def place_of(code: Any, pairs: Any) -> int:
 
 @compiled
 def rehash(pairs: Any, times: Any, into: Any, count: Any) -> None:
-    """Enter a table (c,) in another with more room."""
+    """Copy the entries of a table (c,) into another one with more room."""
     for i in range(len(pairs)):
         if pairs[i] != np.uint64(0):
             place = place_of(pairs[i], into)
@@ -95,9 +96,10 @@ def chance(size: float, precision: float) -> float:
 
 @compiled
 def answer(t: Any, sign: int, size: float, tutor: Respondent) -> int:
-    """Return the tutor's answer on a pair with tail sums t (p,), counted as one asking.
+    """Return the tutor's answer on a pair with tail sums t (p,), and count it.
 
-    The truth is this sign and size. There must be room in the table."""
+    ``sign`` and ``size`` are those of d.e. There must be room in the table.
+    """
     tutor.tally[GIVEN] += 1
     if tutor.kind == TRUTHFUL:
         return sign if size > tutor.tie else 0
@@ -110,7 +112,7 @@ def answer(t: Any, sign: int, size: float, tutor: Respondent) -> int:
     tutor.times[i] += 1
     if (
         sign == 0
-    ):  # no answer is wrong, and the logistic law tosses a coin, but for two identical vectors
+    ):  # no answer is wrong; the logistic law tosses a coin unless the two vectors are identical
         if tutor.kind == FLIPPING:
             return 0
         either = chance(tutor.tie, tutor.rate)
@@ -129,12 +131,13 @@ def answer(t: Any, sign: int, size: float, tutor: Respondent) -> int:
 def respond(t: Any, tutor: Respondent) -> int:
     """Return the answer to a pair with tail sums t (p,).
 
-    It is UNSETTLED, and nothing is counted, if the truth needs exact arithmetic or the table room.
+    It is UNSETTLED, and nothing is counted, if the truth needs exact arithmetic or the table needs
+    room.
     """
     sign, size = truth(t, tutor.gaps)
     if sign == UNSETTLED or 2 * tutor.tally[PAIRS] > len(tutor.pairs):
         return UNSETTLED
-    if tutor.kind == TRUTHFUL:  # without handing all of the tutor on
+    if tutor.kind == TRUTHFUL:  # quicker than handing the whole tutor on
         tutor.tally[GIVEN] += 1
         return sign if size > tutor.tie else 0
     return answer(t, sign, size, tutor)
@@ -144,7 +147,7 @@ def respond(t: Any, tutor: Respondent) -> int:
 def respond_all(t: Any, first: int, answers: Any, tutor: Respondent) -> int:
     """Write answers (n,) to pairs with tail sums t (n, p), from row ``first`` on.
 
-    Returns the first row left UNSETTLED, or n.
+    Return the first row left UNSETTLED, or n.
     """
     for i in range(first, len(t)):
         said = respond(t[i], tutor)

@@ -1,7 +1,4 @@
-"""Upper bounds on very many differences at once.
-
-A box around the plausible scales decides most of them.
-"""
+"""Upper bounds on very many differences at once, most of which a box of scales decides."""
 
 import numpy as np
 
@@ -20,10 +17,9 @@ def bounds_of_many(comparator: Comparator, d: Floats) -> tuple[Floats, float]:
     Most of the differences are below 0 for every plausible scale. For these the bound is only as
     tight as a box needs to show that. The others have the comparator's ``simultaneous_bounds``.
 
-    The box holds all plausible scales. Its sides are the principal axes of their draws, and 2 (k -
-    1) bounds give its extent. There is no box if the comparator has no draws, or if its bounds are
-       not certain, for they may then depend
-    on how many are asked for.
+    The box contains all plausible scales. Its sides are the principal axes of their draws, and 2 (k
+    - 1) bounds give its extent. There is no box if the comparator has no draws. There is none
+    either if its bounds are not certain, because they may then depend on how many are asked for.
 
     Parameters
     ----------

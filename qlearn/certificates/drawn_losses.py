@@ -27,8 +27,8 @@ def loss_over_draws(
     """Return the ``level`` quantile, over the draws, of an upper bound on the policy's loss.
 
     It is tight to about a hundredth of itself, unless ``MOST_SWEEPS`` ends the computation earlier.
-    Draws are taken in the order of a first bound, their greatest advantage divided by 1 - discount,
-    so that most need no closer look. If ``enough`` is given, the computation stops once the
+    Draws are taken in the order of a first bound, their greatest advantage divided by 1 - discount.
+    Most of them need no closer look. If ``enough`` is given, the computation stops once the
     quantile certainly exceeds it, and returns inf.
     """
     doubt, t = over.doubt / (1 - mdp.discount), tail_sums(over.d)
@@ -51,7 +51,7 @@ def loss_over_draws(
         room = np.inf if enough is None else spare - beyond
         small = upper_quantile(
             lower, draws.weights, spare
-        )  # losses up to it do not matter to the quantile
+        )  # smaller losses do not matter to the quantile
         lower[block], upper[block] = game.losses(gain, target, weights, room, small)
         beyond += float(weights[lower[block] > target].sum())
         if enough is not None and beyond > spare:
@@ -93,8 +93,8 @@ class _Game(NamedTuple):
     chain: sparse.csr_array  # (n, S) transitions of the alternatives
     own: sparse.csr_array  # (live, S) transitions of the policy's actions, which gain nothing
     live: NDArray[np.int64]
-    starts: NDArray[np.int64]  # where the alternatives of each state with any begin
-    owners: NDArray[np.int64]  # (j,) which of the live states these are
+    starts: NDArray[np.int64]  # the first alternative of each state that has any
+    owners: NDArray[np.int64]  # (j,) the places of these states among the live ones
     discount: float
 
     @staticmethod
@@ -113,13 +113,12 @@ class _Game(NamedTuple):
     def losses(
         self, gain: Floats, target: float, weights: Floats, room: float, small: float
     ) -> tuple[Floats, Floats]:
-        """Return lower and upper bounds (b,) on the greatest total of gains (n, b).
-
-        The greatest is taken over all states.
+        """Return lower and upper bounds (b,) on the greatest total of gains (n, b) over all states.
 
         They come from sweeps that start at zero, with MacQueen's (1966) bounds. The sweeps end when
-        each pair of bounds lies on one side of the target, or below ``small``, or within a
-        hundredth of each other, or when more weight than ``room`` certainly exceeds the target.
+        each pair of bounds is decided: both lie on one side of the target, or below ``small``, or
+        within a hundredth of each other. They also end when more weight than ``room`` certainly
+        exceeds the target.
         """
         b = gain.shape[1]
         total, ratio = np.zeros((self.own.shape[1], b)), self.discount / (1 - self.discount)

@@ -1,7 +1,4 @@
-"""Drawn scales of a comparator.
-
-Its bounds may depend on them, and questions are chosen by them.
-"""
+"""Drawn scales of a comparator, for choosing questions and for bounds that depend on them."""
 
 import numpy as np
 

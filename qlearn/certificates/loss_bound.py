@@ -88,7 +88,10 @@ def loss_bound(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator) -> Gu
 
 
 def loses_at_most(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator, most: float) -> bool:
-    """Return whether no plausible scale lets ``policy`` (S,) lose more than ``max_loss``."""
+    """Return whether ``policy`` (S,) loses at most ``most`` under every plausible scale.
+
+    The result may be False if the bound cannot show it.
+    """
     return guarantee(mdp, advantages(mdp, policy), comparator, most).loss_bound <= most
 
 

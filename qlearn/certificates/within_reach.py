@@ -17,7 +17,7 @@ Z = 1.645  # standard deviations that leave 5% on one side
 GRACE = 2.0
 """A tolerance is called out of reach only if it is so many times smaller than what is within
 reach."""
-ENOUGH_ANSWERS = 30  # before, a learned precision says little
+ENOUGH_ANSWERS = 30  # with fewer answers a learned precision says little
 
 
 def tolerance_within_reach(comparator: Comparator, questions: int) -> float:
@@ -45,12 +45,12 @@ def tolerance_within_reach(comparator: Comparator, questions: int) -> float:
 
 
 def out_of_reach(comparator: Comparator, tolerance: float, questions: int) -> bool:
-    """Return whether a tolerance is out of reach of so many questions, as far as can be told yet.
+    """Return whether a tolerance is out of reach of so many questions, as far as is known yet.
 
     Parameters
     ----------
     comparator : Comparator
-        It has learned from at least 30 answers, or the result is False.
+        It must have learned from at least 30 answers, or the result is False.
     tolerance : float
     questions : int
 

@@ -33,10 +33,10 @@ def fail(why: str | BaseException) -> int:
 def add_command(
     command: Any, run: Callable[..., int], settings: type[Settings], quick: Any, folder: str
 ) -> Any:
-    """Make an argparse parser that of a command, and return its group of presets.
+    """Add a command's options to a parser; return its group of presets.
 
-    It takes where to write, how many processes, whether to start over, and the settings by their
-    groups, left out if they are not given. The group has the ``quick`` preset.
+    The options are the folder to write to, the number of processes, whether to start over, and the
+    settings by their groups, left out if they are not given. The group has the ``quick`` preset.
     """
     command.set_defaults(command=run, settings=settings, preset={})
     command.add_argument(

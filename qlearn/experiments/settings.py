@@ -1,9 +1,7 @@
 """The settings of the ablation and of the paper's figures.
 
-Each has its default, what it may be, and what it means.
-
-The command line, its help and all checks are made from the fields of these classes. Imports nothing
-heavy.
+Each has its default, its range, and its meaning. The command line, its help and all checks are made
+from the fields of these classes. Imports nothing heavy.
 """
 
 from __future__ import annotations
@@ -22,20 +20,20 @@ _LIKE: Mapping[type, Any] = {int: numbers.Integral, float: numbers.Real}  # NumP
 
 @dataclass(frozen=True)
 class Number:
-    """Finite numbers of a kind for which something holds; ``wanted`` says which in words."""
+    """Finite numbers of one kind that satisfy ``holds``; ``wanted`` describes them in words."""
 
     kind: type[int] | type[float]
     holds: Callable[[Any], bool]
     wanted: str
 
     def value_of(self, given: Any) -> int | float | None:
-        """Return a text as a number of this kind; None if it is not one."""
+        """Return a number as this kind; None if it is none of these numbers."""
         if isinstance(given, bool) or not isinstance(given, _LIKE[self.kind]):
             return None
         try:
             value: int | float = self.kind(given)
             return value if math.isfinite(value) and self.holds(value) else None
-        except (OverflowError, ValueError):  # an int that no float can hold, a nan that no int can
+        except (OverflowError, ValueError):  # no float can hold some ints, and no int can hold nan
             return None
 
 
@@ -51,7 +49,7 @@ class OneOf:
         return f"one of {', '.join(map(str, self.names))}"
 
     def value_of(self, given: Any) -> Any:
-        """The name that was given; None if it is none of these."""
+        """Return the given name; None if it is none of these."""
         return given if isinstance(given, type(self.names[0])) and given in self.names else None
 
 
@@ -74,18 +72,18 @@ class NameOrOwn(OneOf):
         )
 
     def value_of(self, given: Any) -> Any:
-        """The name, or the Own, that was given; None if it is neither.
+        """Return the given name, or the Own; None if it is neither.
 
-        Raises ValueError for the text of a factory that there is not.
+        Raise ValueError for the text of a factory that does not exist.
         """
         if isinstance(given, Own) or (isinstance(given, str) and given in self.names):
             return given
         return own_of(given) if isinstance(given, str) and ":" in given else None
 
     def named(self, name: Any, given: Any) -> Any:
-        """Return the value of an item of a mapping.
+        """Return the value of an item of a mapping: one of our names, or the user's own.
 
-        It is ours of this name (given as the same name, or ...), or the user's own.
+        Ours is given as the same name, or as ``...``.
         """
         if not isinstance(name, str) or not name:
             return None
@@ -130,10 +128,10 @@ OWN = {
 
 
 def setting(default: Any, check: Number | OneOf, text: str, may_be_empty: bool = False) -> Any:
-    """A field of a class of settings.
+    """Return a field of a class of settings.
 
-    A tuple stands for one or more values, each of which is checked, on the command line also for
-    none where it ``may_be_empty``; None is allowed where the field's type says so.
+    A tuple stands for one or more values, each of which is checked. On the command line there may
+    be none if ``may_be_empty``. None is allowed if the field's type says so.
     """
     return field(
         default=default, metadata={"check": check, "help": text, "may_be_empty": may_be_empty}
@@ -142,7 +140,7 @@ def setting(default: Any, check: Number | OneOf, text: str, may_be_empty: bool =
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """The settings of one run. Values that cannot be raise ValueError, which names the setting."""
+    """The settings of one run. Invalid values raise ValueError, which names the setting."""
 
     GROUPS: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     """The settings that the command has as options, by the title under which its help lists
@@ -295,7 +293,7 @@ class AblationSettings(Settings):
                 )
 
     def names(self, setting: str) -> tuple[str, ...]:
-        """The names of what one of the settings in ``OWN`` holds."""
+        """Return the names of the parts that one of the settings in ``OWN`` holds."""
         return tuple(one.name if isinstance(one, Own) else one for one in getattr(self, setting))
 
     def own(self) -> dict[str, dict[str, Own]]:
@@ -311,8 +309,9 @@ class AblationSettings(Settings):
 class FiguresSettings(Settings):
     """The settings of the paper's figures.
 
-    A run differs from those of the ablation in a tutor as in eq. (6); in having no budget, or that
-    would be what figures 2 and 3 show; and in fits only when the answers have grown by a fifth.
+    A run differs from those of the ablation in three ways. The tutor answers as in eq. (6). There
+    is no budget, because figures 2 and 3 show the number of questions. Fits are made only when the
+    number of answers has grown by a fifth.
     """
 
     GROUPS: ClassVar[Mapping[str, tuple[str, ...]]] = {
@@ -369,7 +368,7 @@ class FiguresSettings(Settings):
 
 
 def _checked(one: Field[Any], given: Any) -> Any:
-    """The value of a field as its kind has it. Raises ValueError for one that is not wanted."""
+    """Return the value of a field as its kind has it. Raise ValueError if it is not wanted."""
     check = one.metadata["check"]
     many = isinstance(one.default, tuple)
     if many and (isinstance(given, str) or not hasattr(given, "__iter__")):

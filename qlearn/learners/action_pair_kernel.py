@@ -1,18 +1,19 @@
-"""The pair step of every compiled loop: a pair's difference, the verdict on it, and a record of
-both.
+"""The pair step of every compiled loop: a pair's difference, its verdict, and a record of both.
 
 ``glance`` and ``decide`` are that step, for ``q_learning_kernel.advance`` and
-``state_sweep_kernel.sweep``. They are written out there: these loops hold some sixty arrays, and to
-hand them over would cost more than most verdicts.
+``state_sweep_kernel.sweep``. They are written out there: these loops hold some sixty arrays, and
+handing them over would take longer than most verdicts.
 
-Many comparisons differ little from one that was settled before: the same two actions, whose vectors
-have moved since. So a verdict that took a proof leaves a *certificate*: a vector f with f.g >= 0
-for the gaps g of every plausible scale. Gaps are not negative, so whatever difference has tail sums
-t >= f, entry by entry, has t.g >= f.g >= 0 too, and the same verdict ("not left, but right", with
--t >= f). To look at k - 1 numbers costs a tenth of a proof. Where a verdict goes by the weight of
-drawn scales, f is such that the same draws stay on the same side. A certificate holds while the
-answers stay the same; one that was proven of all scales that fit them holds for ever, for answers
-only add (``elicit.decision.comparator_rule.outlasts_answers``).
+Many comparisons differ little from one decided before: the same two actions, whose vectors have
+moved since. So a verdict that took a proof leaves a *certificate*: a vector f with f.g >= 0 for the
+gaps g of every plausible scale. Gaps are not negative. So if a difference has tail sums t >= f,
+entry by entry, then t.g >= f.g >= 0, and it has the same verdict. If the verdict is WORSE, -t takes
+the place of t. Looking at k - 1 numbers takes a tenth of the time of a proof. If a verdict goes by
+the weight of drawn scales, f is such that the same draws stay on the same side.
+
+A certificate holds while the answers stay the same. One that was proven of all scales that fit the
+answers holds for ever, because further answers only remove scales
+(``elicit.decision.comparator_rule.outlasts_answers``).
 """
 
 from __future__ import annotations
@@ -57,13 +58,14 @@ from elicit.tutors.simulated_kernel import (
 BY_KNOWN, BY_TUTOR = int(Tier.KNOWN), int(Tier.TUTOR)
 _KEPT_AT_ONCE = 4096  # comparisons handed to a watcher at once
 _TOLD_AT_ONCE = 1024  # answers handed to the elicitation at once, at most
-USED, ROOM = 0, 1  # what ``Told.fill`` holds
+USED, ROOM = 0, 1  # the entries of ``Told.fill``
 OPEN = -1  # the tier of a pair that is not decided yet
 
 
 class Certificates(NamedTuple):
-    """The last certificate of each pair of state and action, row s*A + a; ``verdicts`` is 0 where
-    there is none.
+    """The last certificate of each pair of state and action, row s*A + a.
+
+    ``verdicts`` is 0 where there is none.
     """
 
     least: NDArray[np.floating[Any]]  # (n, p) f, of the tail sums times the verdict
@@ -72,23 +74,25 @@ class Certificates(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """Comparisons for whoever watches; c = 0 where nobody does."""
+    """Comparisons kept for a watcher. If there is no watcher, c = 0."""
 
     d: Floats  # (c, k)
     verdicts: NDArray[np.int8]  # (c,)
     tiers: NDArray[np.int8]  # (c,)
-    used: NDArray[np.int64]  # (1,) how many there are
+    used: NDArray[np.int64]  # (1,) number of comparisons kept
 
 
 class Told(NamedTuple):
-    """Answers that a tutor has given within a loop, until the elicitation takes them; there is no
-    room where Python has to ask the tutor."""
+    """Answers that a tutor has given within a loop, until the elicitation takes them.
+
+    There is no room for any if Python has to ask the tutor.
+    """
 
     vectors: Floats  # (c, 2, k) left and right
     verdicts: NDArray[np.int8]  # (c,)
     sums: Floats  # (c, p) tail sums of left - right
     marks: Floats  # (c,) the marks of these, by which a pair is found again
-    fill: NDArray[np.int64]  # (2,) how many there are, and how many there may be
+    fill: NDArray[np.int64]  # (2,) number of answers, and largest number
 
 
 class Judging(NamedTuple):
@@ -96,25 +100,26 @@ class Judging(NamedTuple):
 
     rule: Rule
     asking: AskingRule
-    oracle: Respondent  # whom AlwaysAsk asks, if the tutor is there as arrays
+    oracle: Respondent  # the respondent whom AlwaysAsk asks, if the tutor is there as arrays
     certificates: Certificates
     kept: Kept
-    tutor: Respondent  # who answers what is left open, while there is room in
+    tutor: Respondent  # the respondent who decides open pairs, while there is room in ``told``
     told: Told
 
 
 @runtime_checkable
 class AnswersInLoops(Protocol):
-    """A tutor who can be had as plain arrays too."""
+    """A tutor that can also be had as plain arrays."""
 
     @property
     def respondent(self) -> Respondent:
-        """The arrays, to be asked for anew whenever they have left something UNSETTLED."""
+        """The arrays, to be asked for anew whenever they have left an answer UNSETTLED."""
 
 
 class PairJudge:
-    """An elicitation as a compiled loop sees it, the loop's certificates, and what it keeps for a
-    watcher.
+    """An elicitation as a compiled loop sees it.
+
+    It also has the loop's certificates, and the comparisons that are kept for a watcher.
     """
 
     def __init__(
@@ -139,11 +144,11 @@ class PairJudge:
             fill=np.zeros(2, np.int64),
         )
         self.tutor: AnswersInLoops | None = (
-            None  # who is asked within the loop, where the elicitation has room for it
+            None  # the tutor who is asked within the loop, if the elicitation has room for it
         )
 
     def judging(self, rule: Rule) -> Judging:
-        """Return the arrays that pairs are decided by now, with this rule."""
+        """Return the arrays by which pairs are decided now, with this rule."""
         elicitation, oracle = self._elicitation, nobody()
         asks_all = isinstance(elicitation.comparator, AlwaysAsk)
         if asks_all and isinstance(elicitation.signs, MethodType):
@@ -160,15 +165,18 @@ class PairJudge:
         )
 
     def _tutor(self) -> Respondent:
-        """Who may be asked within the loop, and make room for the answers."""
+        """Return the respondent to ask within the loop, and make room for the answers."""
         respondent = nobody() if self.tutor is None else self.tutor.respondent
         room = self._elicitation.room if respondent.kind != NOBODY else 0
         self._told.fill[:] = 0, min(room, _TOLD_AT_ONCE)
         return respondent
 
     def enter(self, tiers: NDArray[np.int64]) -> bool:
-        """Count a loop's comparisons (len(Tier),), have the elicitation take what was told, and
-        show the watcher what was kept; returns whether anything was told."""
+        """Count a loop's comparisons (len(Tier),), and hand over what it has recorded.
+
+        The elicitation takes the tutor's answers, and the watcher gets the comparisons. Return
+        whether there were any answers.
+        """
         elicitation, kept = self._elicitation, self._watched
         elicitation.counts += tiers
         if elicitation.signs is not None:
@@ -182,8 +190,10 @@ class PairJudge:
         return taken
 
     def take_told(self) -> bool:
-        """Have the elicitation take what was told, which may have been left behind by an
-        interruption; returns whether anything was."""
+        """Have the elicitation take the answers given within the loop.
+
+        An interruption may have left some behind. Return whether there were any.
+        """
         told = self._told
         n = int(told.fill[USED])
         if n:
@@ -195,13 +205,14 @@ class PairJudge:
         return n > 0
 
     def answer(self, left: Floats, right: Floats) -> Verdict | None:
-        """Ask the tutor, if there is a truthful one to be asked within, about vectors left and
-        right (k,), and have the elicitation learn the answer.
+        """Ask the tutor about vectors left and right (k,), and let the elicitation learn it.
 
-        Returns None, with nothing changed, where the pair has to be asked and told as usual."""
+        Return None, with nothing changed, unless a truthful tutor can be asked within the loop.
+        Then the pair has to be asked and told as usual.
+        """
         tutor = None if self.tutor is None else self.tutor.respondent
         if tutor is None or tutor.kind != TRUTHFUL:
-            return None  # one who errs would err anew when asked again as usual
+            return None  # a tutor who errs would err anew when asked again as usual
         said = respond(np.ascontiguousarray(tail_sums(left - right)), tutor)
         if said == UNSETTLED:
             return None
@@ -212,9 +223,7 @@ class PairJudge:
         return Verdict(said)
 
     def take_answers(self) -> None:
-        """The comparator has learned something: forget the certificates, unless they were
-        proven.
-        """
+        """Delete the certificates after an answer, unless they were proven."""
         if not outlasts_answers(rule_of(self._elicitation.comparator)):
             self.certificates.verdicts[:] = 0
 
@@ -223,10 +232,10 @@ class PairJudge:
 def glance(
     verdict: int, row: int, t: Any, dominance: bool, plain: bool, certificates: Certificates
 ) -> tuple[int, int]:
-    """Decide a pair with tail sums t (p,) if that takes no proof: verdict and tier.
+    """Decide a pair with tail sums t (p,) if that takes no proof. Return verdict and tier.
 
-    It goes by the verdict of eq. (4), which ``difference`` returns, or by the row's certificate.
-    The tier is OPEN if the oracle, where there is one, or else ``decide`` has to go on.
+    It goes by the verdict of eq. (4), which ``difference`` returns, or by the row's certificate. If
+    the tier is OPEN, the oracle has to go on if there is one, and otherwise ``decide``.
     """
     limits, sides, tiers = certificates
     tier = OPEN
@@ -243,11 +252,11 @@ def glance(
 def decide(
     q: Any, s: int, a: int, b: int, row: int, d: Any, t: Any, judging: Judging
 ) -> tuple[int, int]:
-    """Decide what ``glance`` has left open: verdict and tier.
+    """Decide a pair that ``glance`` has left open. Return verdict and tier.
 
     It goes by the comparator's rule, and by the tutor who can be asked within the loop. UNKNOWN is
-    for Python to ask, UNSETTLED for the elicitation to decide; with the tier OPEN it means that
-    what was kept must be handed over first. Overwrites t unless there is a verdict of the tutor.
+    for Python to ask, and UNSETTLED for the elicitation to decide. If the tier is OPEN, hand over
+    the stored comparisons, then call again. t is overwritten unless the tutor gives the verdict.
     """
     sums, least = np.empty(len(t)), np.empty(len(t))
     judged = judge_pair(d, t, sums, least, judging.rule, judging.asking)
@@ -260,10 +269,11 @@ def decide(
 
 @compiled
 def difference(q: Any, s: int, a: int, b: int, d: Any, t: Any) -> int:
-    """Q(s, a) - Q(s, b) of q (S, A, k) into d (k,), its tail sums into t (p,), and their verdict by
-    eq. (4).
+    """Write Q(s, a) - Q(s, b) of q (S, A, k) into d (k,), and its tail sums into t (p,).
+
+    Return their verdict by eq. (4).
     """
-    # no views of rows of q: to count references to it would cost as much as all the sums
+    # no views of rows of q: counting references to it would take as long as all the sums
     total, least, greatest = -0.0, 0.0, 0.0
     for j in range(len(d) - 1, 0, -1):
         d[j] = q[s, a, j] - q[s, b, j]
@@ -276,9 +286,11 @@ def difference(q: Any, s: int, a: int, b: int, d: Any, t: Any) -> int:
 
 @compiled
 def certify(judged: Judgement, least: Any, row: int, certificates: Certificates) -> tuple[int, int]:
-    """Verdict and tier of what ``judge_pair`` has just judged, UNSETTLED of an audit, which is for
-    Python to see to. If it has written a certificate in ``least`` (p,), that is the row's from now
-    on."""
+    """Return verdict and tier of a judgement by ``judge_pair``, and enter its certificate.
+
+    An audit becomes UNSETTLED, because Python has to see to it. If there is a certificate in
+    ``least`` (p,), it is the row's from now on.
+    """
     verdict, tier = judged.verdict, judged.tier
     if verdict == UNKNOWN and tier != BY_TUTOR:
         verdict = UNSETTLED
@@ -288,26 +300,28 @@ def certify(judged: Judgement, least: Any, row: int, certificates: Certificates)
         certificates.verdicts[row] = verdict
         certificates.tiers[row] = (
             BY_SCREEN if tier == BY_SIMPLEX else tier
-        )  # to look it up takes no program
+        )  # looking it up takes no program
     return verdict, tier
 
 
 @compiled
 def full(used: Any, room: int, fill: Any) -> bool:
-    """Return whether what was kept or told must be handed over before another pair is judged.
+    """Return whether comparisons or answers must be handed over before another pair is decided.
 
-    There may be no more of it, or the comparator has learned something. ``used`` (1,) of ``room``
-    comparisons are kept, and ``fill`` is that of ``Told``.
+    There may be no room for more, or the comparator may have learned something. ``used`` (1,) of
+    ``room`` comparisons are kept, and ``fill`` is that of ``Told``.
     """
     return bool((used[0] == room and room > 0) or (fill[USED] > 0 and fill[USED] == fill[ROOM]))
 
 
 @compiled
 def put(q: Any, s: int, a: int, b: int, t: Any, judging: Judging) -> tuple[int, int]:
-    """Put a pair with tail sums t (p,) that is left open to the tutor: verdict and tier. UNKNOWN
-    where Python has to ask. UNSETTLED and OPEN where what was kept must be handed over first, for
-    whoever watches may want to know what was decided before the tutor's first error. There must be
-    room for an answer."""
+    """Ask the tutor about an open pair with tail sums t (p,). Return verdict and tier.
+
+    UNKNOWN means that Python has to ask. UNSETTLED and OPEN mean that the kept comparisons must be
+    handed over first, because a watcher may want to know which were decided before the tutor's
+    first error. There must be room for an answer.
+    """
     kept, tutor, told = judging.kept, judging.tutor, judging.told
     fill = told.fill
     mark, near = mark_of(t), near_to(t)
@@ -334,14 +348,14 @@ def put(q: Any, s: int, a: int, b: int, t: Any, judging: Judging) -> tuple[int, 
         told.sums[row, j] = t[j]
     told.verdicts[row], told.marks[row] = verdict, mark
     fill[USED] = row + 1
-    if verdict == EQUAL:  # binding, which the rule to ask by has to say from now on
+    if verdict == EQUAL:  # this answer is binding, so that the rule to ask by must be made anew
         fill[ROOM] = row + 1
     return verdict, BY_TUTOR
 
 
 @compiled
 def round_up(numbers: Any, into: Any) -> None:
-    """Copy them to where there may be room for half of their digits only: none may become less."""
+    """Copy numbers to an array that may be of half precision, so that none becomes less."""
     for j in range(len(numbers)):
         number = max(numbers[j], -1e38)
         into[j] = number
@@ -351,7 +365,7 @@ def round_up(numbers: Any, into: Any) -> None:
 
 @compiled
 def keep(d: Any, verdict: int, tier: int, kept: Kept) -> None:
-    """Keep a comparison; there must be room."""
+    """Store a comparison. There must be room."""
     i = kept.used[0]
     for j in range(len(d)):
         kept.d[i, j] = d[j]

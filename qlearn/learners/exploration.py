@@ -29,7 +29,7 @@ class Decay:
     share: float = 0.5
 
     def __call__(self, steps: NDArray[np.int64]) -> Floats:
-        """The chance in each of the steps 0, 1, ... (n,) of a run of n steps."""
+        """Return the probability of exploring in each of the steps 0, 1, ... (n,) of a run."""
         over = max(1.0, self.share * len(steps))
         return np.asarray(
             self.first + (self.last - self.first) * np.minimum(1.0, steps / over), dtype=np.float64
@@ -53,17 +53,21 @@ each.
 
 @dataclass(frozen=True)
 class Exploration:
-    """Settings of how ``InteractiveQLearning`` explores.
+    """The way in which ``InteractiveQLearning`` explores.
 
-    epsilon         chance of a uniformly drawn action. At 1 the agent never follows what it has
-                    learned (Q-learning learns the best policy all the same), and all comparators
-                    see the same transitions
-    start           where all vectors begin. "worst": all mass on the worst level; "best": on the
-                    best one, which makes what has not been tried look good (optimism); "zero": the
-                    paper's line 4, whose totals differ for long, so that early questions are
-                    ill-posed
-    episode_length  restart from the MDP's initial distribution after so many steps; None: in
-                    terminal states only
+    Parameters
+    ----------
+    epsilon : float, Decay or function
+        Probability of a uniformly drawn action. At 1 the agent never follows the actions that it
+        has learned, and all comparators see the same transitions. Q-learning learns the best policy
+        nevertheless.
+    start : {"worst", "zero", "best"}
+        The start of all vectors. "worst": all mass on the worst level. "best": all on the best one,
+        which makes untried actions look good (optimism). "zero": the paper's line 4. Then totals
+        differ for long, so that early questions are ill-posed.
+    episode_length : int, optional
+        Restart from the MDP's initial distribution after so many steps. None: restart in terminal
+        states only.
     """
 
     epsilon: Epsilon
@@ -94,7 +98,7 @@ to.
 def exploration_of(choice: Epsilon | Exploration | str | None) -> Exploration:
     """Return an exploration itself, the one of that name, or "constant" with that epsilon.
 
-    None is "optimistic". Raises ValueError if there is no such name.
+    None stands for "optimistic". Raise ValueError if there is no such name.
     """
     choice = "optimistic" if choice is None else choice
     if isinstance(choice, str):
@@ -112,9 +116,10 @@ def exploration_of(choice: Epsilon | Exploration | str | None) -> Exploration:
 
 
 def epsilons(epsilon: Epsilon, steps: int) -> Floats:
-    """The chance of exploring in each step, (1,) where it is constant, else (steps,), at least one.
+    """Return the probability of exploring in each step.
 
-    Raises ValueError unless all lie in 0..1.
+    It is (1,) if it is constant, else (steps,), with at least one entry. Raise ValueError unless
+    all lie in 0..1.
     """
     return schedule(
         epsilon,
@@ -124,10 +129,10 @@ def epsilons(epsilon: Epsilon, steps: int) -> Floats:
 
 
 def schedule(choice: object, n: int, wanted: str, *, positive: bool = False) -> Floats:
-    """A number itself, as (1,), or what a function gives for 0, 1, ... n - 1, at least for 0.
+    """Return a number itself, as (1,), or the values of a function for 0, 1, ... n - 1.
 
-    Raises ValueError, which says what is ``wanted``, unless all lie in 0..1, or above 0 where they
-    are to be ``positive``.
+    A function is called for 0 at least. Raise ValueError, which says what is ``wanted``, unless all
+    values lie in 0..1. If ``positive``, they must be above 0.
     """
     if not (callable(choice) or is_number(choice)):
         raise ValueError(f"{wanted}, not {choice!r}")

@@ -54,9 +54,9 @@ Tutors: TypeAlias = TutorLike | Mapping[str, TutorLike]
 
 
 def place(mdp: OrdinalMDP, state: int, a: int, b: int) -> tuple[str, str, tuple[int, int, int]]:
-    """Return the names of where actions a and b are compared.
+    """Return the place at which actions a and b are compared.
 
-    They are the sentences that ask about them, with a left and with b left, and the numbers of the
+    It has the sentences that ask about them, with a left and with b left, and the numbers of the
     state and of the actions.
     """
     return _sentence(mdp, state, a, b), _sentence(mdp, state, b, a), (state, min(a, b), max(a, b))
@@ -76,7 +76,7 @@ def pair_of(
     b: int,
     tier: int = int(Tier.TUTOR),
 ) -> Pair:
-    """The vectors of actions a (left) and b (right), to ask about: see ``Pair``."""
+    """Return the pair of the vectors of actions a (left) and b (right), to ask about."""
     sentences = place(mdp, state, a, b)
     return Pair(left, right, sentences[0], sentences, tier)
 
@@ -90,7 +90,7 @@ def state_of(pair: Pair) -> int:
 def check_problem(mdp: OrdinalMDP, comparator: Comparator) -> None:
     """Raise TypeError for anything but an MDP and a comparator.
 
-    Raises ValueError if their levels differ in number.
+    Raise ValueError if their numbers of levels differ.
     """
     if not isinstance(mdp, OrdinalMDP):
         raise TypeError(f"an OrdinalMDP is wanted, not {mdp!r}")
@@ -102,7 +102,7 @@ def check_problem(mdp: OrdinalMDP, comparator: Comparator) -> None:
         )
 
 
-_MANY_EQUAL = 5  # answers "equal", of which fewer say nothing of the tutor
+_MANY_EQUAL = 5  # fewer answers "equal" say nothing about the tutor
 _SHARE_OF_EQUAL = 0.3
 """The share of answers "equal" from which on a result warns. Above it a bound of 95% held in
 68% of runs with simulated persons, below it in 98% (benchmarks/RESULTS-promise.md).
@@ -118,7 +118,7 @@ _SHARE = "a share of the value range, above 0 and below 1 (0.01: a policy may lo
 def check_tolerance(tolerance: float) -> float:
     """Return ``tolerance`` as a float.
 
-    Raises ValueError unless it is a share of the value range, below 1.
+    Raise ValueError unless it is a share of the value range, below 1.
     """
     require(is_number(tolerance) and 0 < tolerance < 1, "tolerance", _SHARE, tolerance)
     return float(tolerance)
@@ -127,7 +127,7 @@ def check_tolerance(tolerance: float) -> float:
 def check_max_loss(max_loss: float | None) -> float | None:
     """Return ``max_loss``.
 
-    Raises ValueError unless it is None or a share of the value range, below 1.
+    Raise ValueError unless it is None or a share of the value range, below 1.
     """
     holds = max_loss is None or (is_number(max_loss) and 0 < max_loss < 1)
     require(holds, "max_loss", f"None or {_SHARE}", max_loss)
@@ -138,12 +138,26 @@ def check_max_loss(max_loss: float | None) -> float | None:
 class Result:
     """A learner's policy and counts so far.
 
-    ``print(result)`` says them in words, with the bound on the policy's loss.
+    ``print(result)`` gives them in words, with the bound on the policy's loss.
 
-    ``policy`` (S,) actions; ``asked``: questions to the tutor, audits not counted; ``decided``:
-    comparisons by tier; ``shares``: ``q``, or a function that computes it; ``guarantee``: computes
-    the loss bound; ``rounds``: steps, sweeps, or policies solved for; ``discount``: the MDP's;
-    ``tolerance`` and ``budget`` of questions: as the learner was given them, None if it has none.
+    Attributes
+    ----------
+    policy : (S,)
+        Actions.
+    asked : int
+        Number of questions to the tutor, without audits.
+    decided : (len(Tier),)
+        Number of comparisons by tier.
+    shares : (S, A, k) or function
+        ``q``, or a function that computes it.
+    guarantee : function
+        Computes the loss bound.
+    rounds : int
+        Steps, sweeps, or policies solved for.
+    discount : float
+        The MDP's discount.
+    tolerance, budget
+        The tolerance and the budget of questions that the learner was given, None if it has none.
     """
 
     policy: NDArray[np.int64]
@@ -186,13 +200,13 @@ class Result:
         parts += [f"cannot_tell={self.cannot_tell}"] if self.cannot_tell else []
         if "_guaranteed" in vars(
             self
-        ):  # to bound the loss can take long: said only where somebody has read it
+        ):  # bounding the loss can take long, so it is printed only once somebody has read it
             parts += [f"loss_bound={self.loss_bound:.3g}", f"confidence={self.confidence:g}"]
         return f"Result({', '.join(parts)})"
 
     @cached_property
     def q(self) -> Floats:
-        """(S, A, k) the shares; computed when first read where they are given as a function."""
+        """The shares (S, A, k), computed when first read if a function gives them."""
         return self.shares() if callable(self.shares) else self.shares
 
     @cached_property
@@ -235,9 +249,9 @@ class Result:
 
     @property
     def member_loss_bounds(self) -> dict[str, float]:
-        """Upper bounds on what the policy loses each member of a panel, by name.
+        """Upper bounds on what the policy costs each member of a panel, by name.
 
-        Each is of the member's own scale alone, at the worst state, as a share of the value range.
+        Each is under the member's own scale, at the worst state, as a share of the value range.
         Without a panel there are none.
         """
         return {name: float(found.loss_bound) for name, found in self._of_members.items()}
@@ -279,8 +293,8 @@ class Result:
     def tie_warning(self) -> str:
         """A sentence if so many answers are "equal" that the tutor's ties may be too wide, else "".
 
-        A loss bound allows for a tutor who calls equal what differs by up to twice the comparator's
-        ``tie``. Nothing in the answers shows that "equal" reaches farther.
+        A loss bound allows for a tutor who calls equal a difference of up to twice the comparator's
+        ``tie``. Nothing in the answers shows whether "equal" reaches farther.
         """
         given = len(self.answers)
         equal = int(np.count_nonzero(self.answers.y == Verdict.EQUAL))
@@ -298,9 +312,9 @@ class Result:
     def outlook(self) -> str:
         """A sentence if the tutor errs too much for the tolerance to be reached, else "".
 
-        It is said early, from 30 answers on, and only if a budget of questions was stated
-        (``max_queries``) and the comparator learns the tutor's precision. What it says can be had
-        is a rough figure; ``loss_bound`` is what holds.
+        It is said early, from 30 answers on. It needs a budget of questions (``max_queries``) and a
+        comparator that learns the tutor's precision. The tolerance that it calls possible is a
+        rough figure; ``loss_bound`` is what holds.
         """
         ended = self.status in (Status.CONVERGED, Status.CERTIFIED, Status.BOUNDED)
         if self.tolerance is None or self.budget is None or ended:
@@ -326,10 +340,7 @@ class Result:
 
 
 def _rounded_up(x: float) -> str:
-    """Return a number of at least 0 with three significant digits.
-
-    It is rounded up, so that it still bounds.
-    """
+    """Return a number of at least 0 with three significant digits, rounded up."""
     if x == 0:
         return "0"
     unit = 10.0 ** (math.floor(math.log10(x)) - 2)
@@ -340,14 +351,14 @@ def _rounded_up(x: float) -> str:
 class Learner:
     """A solver that stops when it needs the tutor.
 
-    What all learners do alike, they leave to their elicitation.
+    All learners leave to their elicitation the parts that they have in common.
     """
 
     needs: ClassVar[Needs] = Elicitation.needs | BOUNDING
-    seed: Seed = 0  # that gives the same run again
+    seed: Seed = 0  # a seed that gives the same run again
     _elicitation: Elicitation
     _bounded: tuple[Comparator, NDArray[np.int64]] | None = (
-        None  # for what the loss was last bounded
+        None  # the policy and answers for which the loss was last bounded
     )
 
     def __repr__(self) -> str:
@@ -357,9 +368,9 @@ class Learner:
 
     @one_thread
     def ask(self) -> tuple[Query, ...]:
-        """The pending queries, the same until told; () when finished.
+        """Return the pending queries, or () when finished.
 
-        Goes on as far as it needs no tutor.
+        They are the same until they are answered. The learner goes on as far as it needs no tutor.
         """
         self._act()
         return self._elicitation.ask() or self._go_on()
@@ -368,12 +379,12 @@ class Learner:
     def tell(
         self, answers: Sequence[Answer], on_conflict: OnConflict = "raise"
     ) -> tuple[Answer, ...]:
-        """Take answers to pending queries.
+        """Take answers to pending queries. Return the dropped ones.
 
-        Raises StaleAnswer, or InconsistentAnswers unless ``on_conflict="drop"``: then such an
-        answer decides its own pair only, and is returned. Where it raises, nothing has changed;
-        where it is interrupted (Ctrl+C), either nothing has, or the answers were taken: ``ask``
-        then goes on from them.
+        With ``on_conflict="drop"`` an answer that contradicts the others decides its own pair only,
+        and is returned. Otherwise InconsistentAnswers is raised. An answer to another query raises
+        StaleAnswer. If an error is raised, nothing has changed. If it is interrupted (Ctrl+C),
+        either nothing has changed, or the answers were taken: ``ask`` then goes on from them.
         """
         self._act()
         _, dropped = self._elicitation.tell(answers, on_conflict)
@@ -381,9 +392,9 @@ class Learner:
         return dropped
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
-        """Let ``signs`` answer from now on: counted, not logged.
+        """Let ``signs`` answer from now on: its answers are counted, not logged.
 
-        It takes differences (n, k) to verdicts (n,). None: ask.
+        It is a function from differences (n, k) to verdicts (n,). None: ask.
         """
         self._elicitation.signs = signs
 
@@ -406,7 +417,7 @@ class Learner:
         return self._elicitation.comparator
 
     def result(self) -> Result:
-        """The policy and the counts at any time."""
+        """Return the policy and the counts at any time."""
         raise NotImplementedError
 
     def _go_on(self) -> tuple[Query, ...]:
@@ -414,20 +425,20 @@ class Learner:
         raise NotImplementedError
 
     def _act(self) -> None:
-        """Act on what was told, once; after an interruption, act on all of it again."""
+        """Act on the answers, once. After an interruption, act on all of them again."""
         if self._elicitation.told:
             self._take(self._elicitation.told)
             self._elicitation.told = ()
 
     def _take(self, told: Sequence[AnsweredQuery]) -> None:
-        """Act on the verdicts. To do so twice must come to the same as once."""
+        """Act on the verdicts. Doing so twice must have the same effect as once."""
 
     def _certified(
         self, mdp: OrdinalMDP, policy: NDArray[np.int64], max_loss: float | None
     ) -> bool:
         """Return whether no plausible scale lets the policy (S,) lose more than ``max_loss``.
 
-        False also if the same policy and the same answers were tried last time.
+        It is also False if the same policy and the same answers were tried last time.
         """
         comparator, last = self.comparator, self._bounded
         if max_loss is None or (
@@ -451,8 +462,8 @@ class Learner:
     ) -> Result:
         """Return the Result of this policy, which must stay as it is.
 
-        ``more`` (len(Tier),): comparisons beside those that the elicitation counted. Without a
-        status the tutor is waited for.
+        ``more`` (len(Tier),) are comparisons beside those that the elicitation counted. Without a
+        status the learner waits for the tutor.
         """
         elicitation = self._elicitation
         return Result(
@@ -487,7 +498,7 @@ def _of_members(
 
 
 class Drivable(Protocol[R_co]):
-    """A learner, or anything else that asks, is told, and has a result, for ``drive``."""
+    """A learner, or anything else with ``ask``, ``tell`` and ``result``, for ``drive``."""
 
     @property
     def comparator(self) -> Comparator:
@@ -498,15 +509,15 @@ class Drivable(Protocol[R_co]):
         """The verdicts that the answers so far imply for pending audits, by query id."""
 
     def ask(self) -> tuple[Query, ...]:
-        """The pending queries, the same until told; () where there are none."""
+        """Return the pending queries, the same until they are answered, or () if there are none."""
 
     def tell(
         self, answers: Sequence[Answer], on_conflict: OnConflict = "raise"
     ) -> tuple[Answer, ...]:
-        """Take answers to pending queries; those dropped are returned."""
+        """Take answers to pending queries. Return the dropped ones."""
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
-        """Let ``signs`` answer from now on, where it can; None: ask."""
+        """Let ``signs`` answer from now on, if it can. None: ask."""
 
     def result(self) -> R_co:
         """Return the result so far."""
@@ -517,7 +528,7 @@ class AsksWithin(Protocol):
     """A learner whose compiled loop can ask a simulated tutor by itself."""
 
     def ask_within(self, tutor: AnswersInLoops | None) -> None:
-        """Let it do so from now on, where that comes to the same as to ask and tell."""
+        """Ask this tutor within the loop from now on, if the results stay the same."""
 
 
 def drive(
@@ -559,12 +570,12 @@ def drive(
     quiet = log is None and progress is None
     own = hasattr(
         type(tutor), "respondent"
-    )  # not handed on from a tutor that this one wraps, who wants to be called
+    )  # not passed on from a tutor that this one wraps, who must be called
     if quiet and own and isinstance(tutor, AnswersInLoops) and isinstance(learner, AsksWithin):
         learner.ask_within(tutor)
     try:
         return _driven(learner, _by_sides(tutor, seed), log, progress, on_conflict)
-    finally:  # whoever asks it next is not to get this tutor's answers
+    finally:  # the next to ask the comparator must not get this tutor's answers
         if signs is not None:
             learner.consult(None)
         if isinstance(learner, AsksWithin):
@@ -572,10 +583,10 @@ def drive(
 
 
 def _signs_of(tutor: TutorLike) -> Callable[[ArrayLike], NDArray[np.int8]] | None:
-    """Return the tutor's way to answer many questions at once; None if it has none.
+    """Return the tutor's way to answer many questions at once, or None if it has none.
 
-    None also if its way to answer a single question belongs to a derived class, or wraps the tutor
-    that has ``signs``: that way would be left out.
+    It is also None if the tutor's way to answer a single question belongs to a derived class, or
+    wraps the tutor that has ``signs``. That way would be left out.
     """
     if isinstance(tutor, TutorOfMany):
         for place in (tutor, *type(tutor).__mro__):
@@ -588,7 +599,7 @@ def _signs_of(tutor: TutorLike) -> Callable[[ArrayLike], NDArray[np.int8]] | Non
 
 
 def _by_sides(tutor: TutorLike, seed: Seed | None) -> Callable[[Query], Answer]:
-    """Return the tutor as one who is shown half of the queries right to left."""
+    """Return the tutor, to whom half of the queries are shown right to left."""
     key = key_of(seed_of(seed))
 
     def ask(query: Query) -> Answer:
@@ -599,14 +610,14 @@ def _by_sides(tutor: TutorLike, seed: Seed | None) -> Callable[[Query], Answer]:
         if not isinstance(answer, Answer) or answer.query.id != query.id:
             return answer  # refused by ``match``
         verdict = None if answer.verdict is None else answer.verdict.flipped
-        # whatever else the answer says, such as who gave it, stays
+        # the rest of the answer, such as who gave it, stays
         return replace(answer, query=query, verdict=verdict, swapped=not answer.swapped)
 
     return ask
 
 
 def exchanged(query: Query) -> Query:
-    """Return the query with left and right exchanged, also in its words."""
+    """Return the query with left and right exchanged, also in its text."""
     words = {"(left)": "(right)", "(right)": "(left)"}
     about = re.sub(r"\((left|right)\)", lambda found: words[found[0]], query.about)
     return replace(query, left=query.right, right=query.left, about=about)
@@ -624,7 +635,7 @@ def _driven(
         try:
             for query in queries:
                 given.append(tutor(query))
-        except BaseException as error:  # also Ctrl+C: what the tutor said before is kept
+        except BaseException as error:  # also Ctrl+C: earlier answers of the tutor are kept
             try:
                 _log_and_tell(learner, match(given, queries), log, on_conflict)
             except InconsistentAnswers as conflict:

@@ -47,7 +47,7 @@ def rescaled_linear_rate(discount: float) -> Callable[[NDArray[np.int64]], Float
 
 
 def polynomial_rate(visits: NDArray[np.int64]) -> Floats:
-    """The learning rate 1 / (1 + visits)^0.7, visits counted before (Even-Dar and Mansour 2003)."""
+    """Return the learning rate 1 / (1 + earlier visits)^0.7 (Even-Dar and Mansour 2003)."""
     return np.asarray((1.0 + visits) ** -0.7, dtype=np.float64)
 
 
@@ -66,12 +66,12 @@ class InteractiveQLearning(Learner):
     ----------
     mdp : OrdinalMDP
     comparator : Comparator
-        What is known of the scale so far. Its number of levels must be the MDP's.
+        The knowledge of the scale so far. Its number of levels must be the MDP's.
     steps : int
         Number of transitions to learn from.
     epsilon : float, Decay, function, Exploration or str, optional
-        How it comes to see enough. A number, a ``Decay`` or a function from steps to numbers is the
-        chance of an action drawn uniformly. An ``Exploration``, or the name of one of
+        The way to explore. A number, a ``Decay`` or a function from steps to numbers is the
+        probability of an action drawn uniformly. An ``Exploration``, or the name of one of
         ``EXPLORATIONS``, also says where vectors start and when episodes end. Default:
         "optimistic", chosen by measurement (docs/exploration.md).
     learning_rate : float or function, optional
@@ -84,8 +84,10 @@ class InteractiveQLearning(Learner):
 
     Attributes
     ----------
-    model, state
-        What the compiled loop reads, and what it changes.
+    model : Model
+        The arrays that the compiled loop reads.
+    state : State
+        The arrays that it changes.
 
     Raises
     ------
@@ -151,16 +153,16 @@ class InteractiveQLearning(Learner):
         self._verdict = int(Verdict.UNKNOWN)  # on the pair at the cursor
 
     def result(self) -> Result:
-        """The greedy policy and the counts so far."""
+        """Return the greedy policy and the counts so far."""
         rounds = int(self.state.cursor[kernel.STEP])
         return self._result(
             self._mdp, self.state.best.copy(), self.state.q.copy(), self._status(), rounds
         )
 
     def run_to(self, steps: int, puts_off: bool = False) -> tuple[Query, ...]:
-        """Run to this step, or to a pair that only the tutor can decide: then the query.
+        """Run to this step, or to a pair that only the tutor can decide. Return the query, if any.
 
-        Where questions are put off, such pairs go by the best guess.
+        If questions are put off, such pairs go by the best guess.
         """
         elicitation, state = self._elicitation, self.state
         elicitation.puts_off = puts_off
@@ -172,7 +174,7 @@ class InteractiveQLearning(Learner):
             end = min(steps, step + max(step, _FIRST_PIECE))
             with np.errstate(all="ignore"):  # the hash wraps around
                 code = kernel.advance(state, self.model._replace(steps=end), verdict, judging)
-            self._verdict = int(Verdict.UNKNOWN)  # used up, should what follows be interrupted
+            self._verdict = int(Verdict.UNKNOWN)  # used up, in case the rest is interrupted
             decided = state.decided.copy()
             state.decided[:] = 0
             if self._pairs.enter(decided):
@@ -199,8 +201,8 @@ class InteractiveQLearning(Learner):
     def ask_within(self, tutor: AnswersInLoops | None) -> None:
         """Let the compiled loop ask this tutor by itself from now on.
 
-        It does so if that comes to the same: with a comparator that is ``LearnsInSteps``, no audits
-        and no ties. None: no more.
+        It does so if the results are the same: with a comparator that is ``LearnsInSteps``, no
+        audits and no ties. None: no longer.
         """
         self._pairs.tutor = tutor
 
@@ -213,7 +215,7 @@ class InteractiveQLearning(Learner):
         return self.run_to(self.model.steps)
 
     def _take(self, told: Sequence[AnsweredQuery]) -> None:
-        """The tutor's verdict is on the pair at the cursor, if the question was about that."""
+        """Enter the tutor's verdict on the pair at the cursor, if the question was about that."""
         if self.state.cursor[kernel.POSITION] != kernel.IDLE:  # else it was asked between two steps
             for _, verdict in told:
                 self._verdict = int(verdict)
@@ -227,16 +229,16 @@ class InteractiveQLearning(Learner):
         return Status.CALLED_EQUAL if self._elicitation.gave_up else Status.DONE
 
     def _pair(self) -> Pair:
-        """The two actions at the cursor."""
+        """Return the two actions at the cursor."""
         return pair_of(self._mdp, *self._vectors(), *self._place())
 
     def _place(self) -> tuple[int, int, int]:
-        """The state at the cursor, the action that challenges there, and the incumbent."""
+        """Return the state at the cursor, the action that challenges there, and the incumbent."""
         s, position = self.state.cursor[[kernel.STATE, kernel.POSITION]].tolist()
         return s, int(self.model.actions[s, position]), int(self.state.best[s])
 
     def _vectors(self) -> tuple[Floats, Floats]:
-        """Copies of the two vectors (k,) at the cursor, the challenger's and the incumbent's."""
+        """Return copies of the challenger's and the incumbent's vectors (k,) at the cursor."""
         s, challenger, incumbent = self._place()
         return self.state.q[s, challenger].copy(), self.state.q[s, incumbent].copy()
 

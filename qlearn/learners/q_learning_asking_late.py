@@ -26,26 +26,28 @@ from qlearn.learners.query_strategies import (
 )
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
-FIRST = 2  # checkpoint, in visits for each pair of state and action
-# of the way that a difference has come since the last checkpoint: it may come as far again
+FIRST = 2  # the first checkpoint, in visits for each pair of state and action
+# share of a difference's way since the last checkpoint by which it may still move
 MOVED = 0.25
 
 
 class LateQLearning(InteractiveQLearning):
-    """Q-learning on share vectors that asks only at checkpoints, about what could matter.
+    """Q-learning that asks only at checkpoints, about differences that could matter.
 
     Between checkpoints undecided pairs go by the comparator's central scale. Checkpoints come at
-    doubling numbers of steps, and at each at most ``2 (k - 1)`` questions are asked, so that
-    questions grow with the logarithm of the steps. There a pair is asked about only if some
-    plausible scale puts an alternative above the greedy action by more than the ``indifference``,
-    and by more than the difference is likely to move still; the best by ``strategy`` first
-    (``qlearn.strategies``). At the end nothing moves any more, and what could matter to the policy
-    by more than the indifference is asked about, within the same number.
+    doubling numbers of steps. At each at most ``2 (k - 1)`` questions are asked, so that the number
+    of questions grows with the logarithm of the steps.
 
-    What it guesses decides what it sees: explore well, as by default, or it ends elsewhere than
-    where ``InteractiveQLearning`` does. ``max_loss``: stop at a checkpoint where no plausible scale
-    lets the greedy policy lose more. Other keywords as there. One that asks about everything
-    (AlwaysAsk with a simulated tutor) asks at once all the same.
+    A pair is asked about only if some plausible scale puts an alternative above the greedy action
+    by more than the ``indifference``, and by more than the difference is likely to move still. The
+    best pair by ``strategy`` comes first (``qlearn.strategies``). At the end nothing moves any
+    more. Then pairs that could matter to the policy by more than the indifference are asked about,
+    within the same number.
+
+    The guesses determine which transitions are seen. So explore well, as by default, or the result
+    differs from that of ``InteractiveQLearning``. With ``max_loss``, the run stops at a checkpoint
+    once no plausible scale lets the greedy policy lose more. Other keywords are as there. A learner
+    that asks about everything (AlwaysAsk with a simulated tutor) asks at once nevertheless.
     """
 
     def __init__(
@@ -63,8 +65,8 @@ class LateQLearning(InteractiveQLearning):
         self._live = mdp.admissible & ~mdp.terminal[:, None]
         self._checkpoint = min(self.model.steps, int(FIRST * self._live.sum()))
         self._before = np.zeros_like(self.state.q)  # Q (S, A, k) at the last checkpoint
-        self._asked = 0  # at this one
-        self._refused = False  # whether a question was worth asking, but the budget was spent
+        self._asked = 0  # questions at this checkpoint
+        self._refused = False  # True if a question was worth asking, but the budget was spent
         self._end: Status | None = None
 
     def _go_on(self) -> tuple[Query, ...]:
@@ -86,10 +88,7 @@ class LateQLearning(InteractiveQLearning):
         return self._end or Status.WAITING
 
     def _question(self) -> tuple[Query, ...]:
-        """Go by what is known now, and ask this checkpoint's next question.
-
-        It asks only what is worth it.
-        """
+        """Act on the present knowledge, and ask this checkpoint's next question, if any."""
         elicitation, state = self._elicitation, self.state
         if elicitation.signs is not None:
             return ()
@@ -99,7 +98,7 @@ class LateQLearning(InteractiveQLearning):
             return ()
         wanted = self._live & (
             state.visits > 0
-        )  # a vector that was never updated says nothing of its action
+        )  # a vector that was never updated says nothing about its action
         wanted[np.arange(len(policy)), policy] = False
         states, actions = np.nonzero(wanted)
         own = policy[states]
@@ -125,7 +124,7 @@ class LateQLearning(InteractiveQLearning):
     def _go_by(self, values: Floats, q: Floats, policy: NDArray[np.int64]) -> None:
         """Make ``policy`` (S,) greedy in q (S, A, k) for a scale (k,).
 
-        Its own actions are kept if they are as good.
+        Its own actions stay if they are as good.
         """
         worth = np.where(self._live, product(tail_sums(q), np.diff(values)), -np.inf)
         rows = np.flatnonzero(self._live.any(axis=1))
@@ -135,10 +134,10 @@ class LateQLearning(InteractiveQLearning):
     def _moving(
         self, states: NDArray[np.int64], actions: NDArray[np.int64], own: NDArray[np.int64]
     ) -> Floats:
-        """Return how far (n,) each difference is likely to move still.
+        """Return the amount (n,) by which each difference is likely to move still.
 
-        It is a share of how far it has come, under the central scale, since the last checkpoint; 0
-        at the end.
+        It is a share of its movement under the central scale since the last checkpoint, and 0 at
+        the end.
         """
         if self.done:
             return np.zeros(len(states))

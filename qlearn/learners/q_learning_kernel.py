@@ -1,9 +1,8 @@
-"""The Q-learning loop as arrays and a cursor: runs until it is done or meets a pair it cannot
-decide.
+"""The Q-learning loop as arrays and a cursor.
 
-The cursor says where the loop stands (in the middle of a step's comparisons, if need be); calling
-again with a verdict goes on from there. Random numbers are a hash of (key, purpose, counters): see
-``elicit._support.hashing.fold``.
+It runs until it is done or meets a pair that it cannot decide. The cursor says where the loop
+stands, if need be in the middle of a step's comparisons. Calling again with a verdict goes on from
+there. Random numbers are a hash of (key, purpose, counters): see ``elicit._support.hashing.fold``.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ EXPLORE, ACTION, TRANSITION, RESTART, FIRST_BEST, AUDITS = (
     5,
     6,
 )  # purposes of random numbers
-STEP, STATE, POSITION, LAST, NEXT, EPISODE, AGE = range(7)  # what the cursor holds
+STEP, STATE, POSITION, LAST, NEXT, EPISODE, AGE = range(7)  # the entries of the cursor
 IDLE = -1  # POSITION between two steps
 
 
@@ -49,18 +48,18 @@ class Model(NamedTuple):
     cumulative: NDArray[np.float64]  # (S, A, b) running sums of the probabilities
     levels: NDArray[np.int64]  # (S, A)
     actions: NDArray[np.int64]  # (S, A) admissible actions first
-    n_actions: NDArray[np.int64]  # (S,) how many are admissible
+    n_actions: NDArray[np.int64]  # (S,) number of admissible actions
     terminal: NDArray[np.bool_]  # (S,)
     initial: NDArray[np.float64]  # (S,) running sums of the initial distribution
     rates: NDArray[np.float64]  # learning rate by number of earlier visits of (s, a)
     discount: float
-    epsilons: NDArray[np.float64]  # chance of exploring by step; the last one stays
+    epsilons: NDArray[np.float64]  # probability of exploring, by step; the last one stays
     steps: int
     episode_length: int  # 0: episodes end in terminal states only
     key: Any  # np.uint64
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Model:
-        """Itself, as that of ``backup``: a copied learner is not compiled for anew."""
+        """Return itself, so that a copied learner is not compiled for anew."""
         return self
 
 
@@ -71,13 +70,14 @@ class State(NamedTuple):
     best: NDArray[np.int64]  # (S,) B(s)
     visits: NDArray[np.int64]  # (S, A)
     cursor: NDArray[np.int64]  # (7,)
-    decided: NDArray[np.int64]  # comparisons settled here, by tier
+    decided: NDArray[np.int64]  # comparisons decided here, by tier
 
 
 @compiled
 def draw(cumulative: Any, u: float) -> int:
-    """The first index whose running sum exceeds u; the last with any probability if rounding hides
-    it.
+    """Return the first index whose running sum exceeds u.
+
+    If rounding hides it, it is the last index with any probability.
     """
     below = cumulative[-1] * (1.0 - 2.0**-53)  # the greatest number less than the total
     return int(np.searchsorted(cumulative, min(u, below), side="right"))
@@ -85,11 +85,13 @@ def draw(cumulative: Any, u: float) -> int:
 
 @compiled
 def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
-    """Run Algorithm 1 from the cursor; ``verdict`` settles the pair it stands at (UNKNOWN: none
-    yet). Kept is what neither equality nor dominance settled.
+    """Run Algorithm 1 from the cursor on.
 
-    Returns DONE; FULL where what was kept must be handed over first; or, with the cursor at a pair,
-    ASK where only the tutor can settle it and DEFER where perhaps the elicitation can.
+    ``verdict`` decides the pair at the cursor (UNKNOWN: none yet). Comparisons are kept unless
+    equality or dominance decided them.
+
+    Return DONE at the end, and FULL if what was kept must be handed over first. With the cursor at
+    a pair, return ASK if only the tutor can decide it, and DEFER if perhaps the elicitation can.
     """
     rule, asking, oracle, certificates, kept, _, told = judging
     dominance, plain, fill = rule.dominance, asking.plain, told.fill
@@ -142,7 +144,7 @@ def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
 
 @compiled
 def learn(state: State, model: Model) -> None:
-    """Lines 7 to 10 of Algorithm 1: act, observe, update; then set the cursor to lines 11 to 15."""
+    """Act, observe and update, lines 7 to 10 of Algorithm 1. Set the cursor to lines 11 to 15."""
     q, best, visits, cursor = state.q, state.best, state.visits, state.cursor
     s, step = cursor[STATE], cursor[STEP]
     position = IDLE

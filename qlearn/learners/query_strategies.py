@@ -1,17 +1,14 @@
 """Strategies: small functions that score candidates for a question.
 
-The candidate with the greatest score is asked about.
-
-A strategy is any function from ``Candidates`` to scores (n,), or the name of one of those here; of
-equal scores the first is taken. Your own:
+The candidate with the greatest score is asked about. A strategy is any function from ``Candidates``
+to scores (n,), or the name of one of those here. Of equal scores the first is taken. Your own:
 
     def closest_to_even_odds(candidates):
-        left_better = (candidates.scores > 0) @ candidates.weights
-        return -abs(left_better - 0.5)
+        left_better = (candidates.scores > 0) @ candidates.weights return -abs(left_better - 0.5)
 
-``candidates.scores`` (n, m) holds d.e of each candidate under each of m plausible scales,
-``weights`` (m,) how plausible these are; ``d``, ``states``, ``actions``, ``limit``, ``bounds`` and
-the comparator are there too.
+``candidates.scores`` (n, m) holds d.e of each candidate under each of m plausible scales, and
+``weights`` (m,) the weights of these. ``d``, ``states``, ``actions``, ``limit``, ``bounds`` and the
+comparator are there too.
 """
 
 from __future__ import annotations
@@ -53,18 +50,16 @@ __all__ = [
 
 
 def __dir__() -> list[str]:
-    return sorted(
-        __all__
-    )  # completion offers the strategies, not what the learners use beside them
+    return sorted(__all__)  # completion offers the strategies, not the learners' helpers
 
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
     """Differences d (n, k) that may be asked about.
 
-    A challenger at ``states`` (n,), ``actions`` (n,) is left, and the incumbent right. ``limit``:
-    what d.e must exceed to matter. ``times``, one or (n,): the multiple of d that the question
-    would be about.
+    The challenger, action ``actions`` (n,) at state ``states`` (n,), is left, and the incumbent
+    right. A difference matters if d.e exceeds ``limit``. ``times``, one or (n,), is the multiple of
+    d that the question would be about.
     """
 
     d: Floats
@@ -84,7 +79,7 @@ class Candidates:
 
     @property
     def weights(self) -> Floats:
-        """(m,) of the draws, in total 1."""
+        """Weights (m,) of the draws, 1 in total."""
         return self.draws.weights
 
     @cached_property
@@ -100,7 +95,7 @@ class Candidates:
 
     @cached_property
     def agreement(self) -> Floats:
-        """(n, m) the chance that the tutor says "left is better", under each of the draws."""
+        """Probability (n, m) that the tutor says "left is better", under each of the draws."""
         asked = self.scores * np.reshape(self.times, (-1, 1))
         return says_left(asked, self.draws.precision, lapse_of(self.comparator))
 
@@ -112,26 +107,26 @@ Strategy: TypeAlias = Callable[[Candidates], Floats]
 
 
 def first_come(candidates: Candidates) -> Floats:
-    """The paper's: in order of states and actions."""
+    """Score by the order of states and actions, the first highest, as the paper does."""
     return -np.arange(len(candidates), dtype=np.float64)
 
 
 @uses("simultaneous_bounds")
 def widest_bound(candidates: Candidates) -> Floats:
-    """The one about which least is known: the greatest distance between the bounds on d.e."""
+    """Score by the distance between the bounds on d.e."""
     low, high = candidates.bounds
     return np.asarray(high - low)
 
 
 @uses("simultaneous_bounds")
 def max_regret(candidates: Candidates) -> Floats:
-    """The one that could be worth most: the greatest upper bound on d.e."""
+    """Score by the upper bound on d.e."""
     return candidates.bounds[1]
 
 
 @uses("draws")
 def most_even_cut(candidates: Candidates) -> Floats:
-    """The one whose answer, right or left, takes most of the plausible scales away at the least."""
+    """Score by the weight of the scales that the answer excludes at least, left or right."""
     weights = candidates.weights
     better, worse = product(candidates.scores > 0, weights), product(candidates.scores < 0, weights)
     return np.asarray(np.minimum(better, worse))
@@ -141,8 +136,8 @@ def most_even_cut(candidates: Candidates) -> Floats:
 def mutual_information(candidates: Candidates) -> Floats:
     """Score by the expected information of the answer on the scale, in bits.
 
-    It follows the comparator's own model of the tutor (Houlsby et al. 2011; Biyik et al. 2019): the
-    entropy of the answer, less its mean entropy were the scale known.
+    It follows the comparator's own model of the tutor (Houlsby et al. 2011; Biyik et al. 2019). It
+    is the entropy of the answer, less the mean of its entropy under each scale.
     """
     chance, weights = candidates.agreement, candidates.weights
     return np.asarray(entropy(product(chance, weights)) - product(entropy(chance), weights))
@@ -161,8 +156,7 @@ def violated_weight(candidates: Candidates) -> Floats:
 def telling_violation(candidates: Candidates) -> Floats:
     """Score by mutual information times the weight of scales for which it matters.
 
-    One draw's weight is added, so that there is a best question also if no draw says that it
-    matters.
+    One draw's weight is added, so that the scores differ even if no draw says that it matters.
     """
     spare = 1.0 / len(candidates.weights)
     return np.asarray(mutual_information(candidates) * (violated_weight(candidates) + spare))
@@ -180,13 +174,13 @@ _ALL = (
 STRATEGIES: Mapping[str, Strategy] = MappingProxyType(
     {strategy.__name__: strategy for strategy in _ALL}
 )
-"""Those above, by name."""
+"""The strategies above, by name."""
 
 
 def strategy_of(choice: Strategy | str) -> Strategy:
     """Return the strategy itself, or the one of that name.
 
-    Raises ValueError if there is none, or if it cannot be called.
+    Raise ValueError if there is none, or if it cannot be called.
     """
     wanted = (
         f"a function from Candidates to scores (n,), or one of the names {', '.join(STRATEGIES)}"
@@ -201,17 +195,17 @@ def worth_asking(
 ) -> NDArray[np.int64]:
     """Return rows of the differences d (n, k) that are worth a question.
 
-    Some plausible scale puts them above the limit, one for all or (n,), and they may be asked
-    about; ``places`` gives where a row is compared.
+    Some plausible scale puts them above the limit, which is one for all or (n,), and they may be
+    asked about. ``places`` gives the place at which a row is compared.
     """
     rows = np.flatnonzero(simultaneous_bounds(elicitation.comparator, d)[0] > limit)
     return rows[elicitation.may_ask(d[rows], lambda i: places(int(rows[i])))]
 
 
 def best(strategy: Strategy, candidates: Candidates, how_many: int = 1) -> list[int]:
-    """The candidates with the greatest scores, first ones first among equals.
+    """Return the numbers of the candidates with the greatest scores, the first first among equals.
 
-    Raises ValueError for scores that are no numbers (n,).
+    Raise ValueError for scores that are no numbers (n,).
     """
     scores = np.asarray(strategy(candidates), dtype=np.float64)
     if scores.shape != (len(candidates),) or np.isnan(scores).any():
@@ -225,8 +219,8 @@ def best(strategy: Strategy, candidates: Candidates, how_many: int = 1) -> list[
 def _coarse(scores: Floats) -> Floats:
     """Return scores rounded to a grid.
 
-    It is finer than any that matter and coarser than their rounding errors, so that two that are
-    equal but for those are equal.
+    The grid is finer than any difference that matters, and coarser than rounding errors. So scores
+    that differ only by rounding become equal.
     """
     some = np.isfinite(scores)
     _, exponent = np.frexp(np.abs(scores[some]).max(initial=0.0))
@@ -241,9 +235,10 @@ def simple_pair(
     about: Floats,
     labels: Sequence[str],
 ) -> Pair | None:
-    """Return a question of simple bags that tells of the signs of ``about`` (c, k).
+    """Return a question of simple bags that tells of the signs of ``about`` (c, k), or None.
 
-    None if none tells anything. Bags are about no state: the sentence alone is their place.
+    It is None if no question tells anything. Bags are about no state: the sentence alone is their
+    place.
     """
     asked, draws = bags.questions(len(labels)), candidates.draws
     d = asked.left / bags.days - asked.right / bags.days

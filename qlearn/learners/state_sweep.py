@@ -1,7 +1,4 @@
-"""A sweep of value iteration over all states.
-
-It is compiled, as far as it needs neither Python nor the tutor.
-"""
+"""A sweep of value iteration over all states, compiled up to questions and Python's parts."""
 
 from __future__ import annotations
 
@@ -24,7 +21,7 @@ from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.warm_planning import nearly_valued
 
-BLOCK = 2048  # states one thread takes at a time
+BLOCK = 2048  # states that one thread takes at a time
 # at once: each has its own copy of the proofs, so that results do not depend on the number of
 # threads
 BLOCKS = 8
@@ -33,7 +30,7 @@ States = NDArray[np.int64]
 
 
 class StateSweep:
-    """V of the last sweep, each state's best action, and how far this sweep has come."""
+    """V of the last sweep, each state's best action, and the progress of this sweep."""
 
     def __init__(self, mdp: OrdinalMDP, elicitation: Elicitation, jobs: int) -> None:
         n, m = mdp.levels.shape
@@ -45,9 +42,11 @@ class StateSweep:
         self.cursor = np.empty(n, dtype=np.int32)  # each state's next challenger
         self.judged: dict[
             int, int
-        ] = {}  # of waiting states: their pair's tier, as ``Elicitation.judge`` has it
+        ] = {}  # by waiting state: its pair's tier, as ``Elicitation.judge`` has it
         self._pairs = PairJudge(elicitation, n * m, np.float32, room=m)
-        self._judged_by = elicitation.comparator  # whom certificates and copies are of
+        self._judged_by = (
+            elicitation.comparator
+        )  # the comparator that certificates and copies belong to
         self._copies: list[Rule] = []
         self.begin()
 
@@ -56,7 +55,7 @@ class StateSweep:
     def proceed(self, batch: int) -> States:
         """Compare all states' actions, until so many states need the tutor.
 
-        Returns these states in order, and none at the end of the sweep.
+        Return these states in order. There are none at the end of the sweep.
         """
         self._look_again(batch)
         while len(self._waiting) < batch and self._reached < self._mdp.n_states:
@@ -70,9 +69,9 @@ class StateSweep:
         return self._waiting[: min(batch, self._verified)]
 
     def settle(self, state: int, verdict: Verdict) -> None:
-        """The verdict on the pair at a waiting state's cursor.
+        """Enter the verdict on the pair at a waiting state's cursor.
 
-        What waits behind it may be decided by now.
+        States that wait behind it may be decided by now.
         """
         self._settle(np.array([state]), np.array([verdict], dtype=np.int8))
         self._verified = 0
@@ -80,7 +79,8 @@ class StateSweep:
     def pairs(self, states: States) -> tuple[Floats, Floats, NDArray[np.int32], States]:
         """Return the pairs at the cursors of n states.
 
-        These are left and right (n, k), challenger's and incumbent's actions (n,).
+        They are the left and right vectors (n, k), and the challengers' and incumbents' actions
+        (n,).
         """
         rows, challengers, incumbents = (
             np.arange(len(states)),
@@ -92,16 +92,16 @@ class StateSweep:
 
     @property
     def span(self) -> float:
-        """Upper bound on how far states' changes of V lie apart under an ordered scale.
+        """Upper bound on the spread of the states' changes of V under any ordered scale.
 
         It is known at the end of a sweep.
         """
         return float((self._change[1] - self._change[0]).max())
 
     def follow(self, within: float) -> None:
-        """Go on from the value of the present actions, to about ``within``.
+        """Replace V by the value of the present actions, to about ``within``.
 
-        It is swept without comparing any.
+        No actions are compared.
         """
         self.v = nearly_valued(self._mdp, self.best, self.v, within)
 
@@ -117,15 +117,17 @@ class StateSweep:
         self._reached = 0  # states from here on have not been looked at in this sweep
         self._change = no_outcome(
             0, self._mdp.k
-        ).change  # the least and the greatest so far of each tail sum of V
+        ).change  # the least and the greatest change so far of each tail sum of V
         self._waiting = np.empty(0, dtype=np.int64)
-        self._verified = 0  # how many of the first of them are so with all that is known
+        self._verified = (
+            0  # number of the first waiting states that wait even with the latest answers
+        )
 
     def _look_again(self, batch: int) -> None:
         """Decide waiting states anew, in order, until a batch of them needs the tutor.
 
-        It takes twice as many each time, for few calls, and few verdicts that the next answer
-        outdates.
+        Each call takes twice as many states as the last one. So there are few calls, and few
+        verdicts that the next answer outdates.
         """
         size = batch
         while self._verified < min(batch, len(self._waiting)):
@@ -138,7 +140,7 @@ class StateSweep:
     def _compare(self, states: States) -> States:
         """Compare the actions of these states until each is done or needs the tutor.
 
-        Returns those that need the tutor, in order.
+        Return the states that need the tutor, in order.
         """
         waiting: list[States] = []
         while len(states):
@@ -158,9 +160,9 @@ class StateSweep:
         return np.sort(np.concatenate(waiting)) if waiting else states
 
     def _swept(self, states: States) -> Iterator[tuple[States, Outcome]]:
-        """The compiled sweep over blocks of states: parts of them, and what became of each.
+        """Yield parts of the states, and the outcome of the compiled sweep over each.
 
-        Beside each other, unless somebody looks on or answers.
+        Blocks are swept in parallel, unless there is a watcher or ``consult`` answers.
         """
         blocks = [states[i : i + BLOCK] for i in range(0, len(states), BLOCK)]
         rules = self._rules(len(blocks))
@@ -176,7 +178,7 @@ class StateSweep:
                 block = block[len(part) :]
 
     def _sweep(self, states: States, rule: Rule) -> tuple[States, Outcome]:
-        """The first states, as many as were reached, and what became of them."""
+        """Return the first states, as many as were reached, and their outcome."""
         work, out = (
             Work(self.v, self._following, self.best, self.cursor),
             no_outcome(len(states), self._mdp.k),
@@ -186,7 +188,7 @@ class StateSweep:
         return states[:reached], out
 
     def _enter(self, states: States, out: Outcome) -> None:
-        """Act on what became of states."""
+        """Enter the outcome of states."""
         n = len(states)
         self.best[states], self.cursor[states] = out.best[:n], out.cursor[:n]
         self._change[0] = np.minimum(self._change[0], out.change[0])
@@ -194,9 +196,9 @@ class StateSweep:
         self._pairs.enter(out.tiers)
 
     def _judge(self, states: States) -> States:
-        """Have the elicitation decide the pairs at the cursors of states, all at once.
+        """Let the elicitation decide the pairs at the cursors of states, all at once.
 
-        Returns those that need the tutor.
+        Return the states that need the tutor.
         """
         if not len(states):
             return states
@@ -221,10 +223,10 @@ class StateSweep:
         self.cursor[states] += 1
 
     def _rules(self, n: int) -> Sequence[Rule]:
-        """Return what the comparator knows, as arrays, for each of n blocks.
+        """Return the comparator's rule for each of n blocks.
 
-        What they find out on the way goes into copies. After an answer certificates may not hold,
-        except what was proven.
+        Each block has a copy, which receives its findings. After an answer certificates are
+        deleted, except proven ones.
         """
         if self._elicitation.comparator is not self._judged_by:
             self._judged_by = self._elicitation.comparator
@@ -234,7 +236,7 @@ class StateSweep:
         if self._elicitation.puts_off and rule.kind not in (NOTHING, ASKING):
             rule = (
                 silent()
-            )  # the best guess lies among the plausible scales, and is cheaper to look up
+            )  # the best guess is one of the plausible scales, and is cheaper to look up
         if n == 1 or rule.kind not in PROOFS:
             return [rule] * n
         self._copies.extend(_copy(rule) for _ in range(n - len(self._copies)))
@@ -242,7 +244,7 @@ class StateSweep:
 
 
 def _copy(rule: Rule) -> Rule:
-    """Return the same proofs, with own arrays for what walks write."""
+    """Return the same proofs, with copies of the arrays that walks write to."""
     written = ("points", "inverses", "active", "kind", "age", "counts")
     return rule._replace(
         known=rule.known._replace(**{name: getattr(rule.known, name).copy() for name in written})

@@ -1,7 +1,7 @@
 """One sweep of value iteration on share vectors, a block of states at a time, in compiled code.
 
-Q(s, a) of one state fits into a small scratch, so only V is kept. A state whose pair is not for
-compiled code to settle is left waiting, its cursor at that pair, while the other states go on.
+Q(s, a) of one state fits into a small scratch array, so only V is kept. If compiled code cannot
+decide a state's pair, the state waits with its cursor at that pair, while the other states go on.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from qlearn.learners.action_pair_kernel import (
 )
 from qlearn.mdp.backup import MdpArrays, back_up_from
 
-DONE, ANSWERED = -1, 0  # beside UNKNOWN and UNSETTLED: how a state stands
+DONE, ANSWERED = -1, 0  # codes of a state beside UNKNOWN and UNSETTLED
 
 
 class Work(NamedTuple):
     """The arrays that a sweep reads and writes."""
 
     v: Floats  # (S, k) V of the last sweep
-    following: Floats  # (S, k) V of this sweep, written where a state is done
+    following: Floats  # (S, k) V of this sweep, written once a state is done
     best: NDArray[np.int64]  # (S,) each state's best action so far; read only
     cursor: NDArray[np.int32]  # (S,) its next challenger; read only
 
@@ -46,14 +46,14 @@ class Outcome(NamedTuple):
     cursor: NDArray[np.int32]  # (n,)
     code: NDArray[
         np.int8
-    ]  # (n,) DONE; of the pair at the cursor UNKNOWN to all but the tutor, or UNSETTLED; ANSWERED
-    tiers: NDArray[np.int64]  # (len(Tier),) comparisons by who settled them
+    ]  # (n,) DONE, ANSWERED, UNSETTLED, or UNKNOWN if only the tutor can decide the pair
+    tiers: NDArray[np.int64]  # (len(Tier),) comparisons by the tier that decided them
     # (2, k - 1) the least and the greatest change of each tail sum of V at the states that are done
     change: Floats
 
 
 def no_outcome(n: int, k: int) -> Outcome:
-    """Room for what becomes of n states, of k levels."""
+    """Return an empty outcome for n states of k levels."""
     return Outcome(
         np.empty(n, dtype=np.int64),
         np.empty(n, dtype=np.int32),
@@ -65,12 +65,14 @@ def no_outcome(n: int, k: int) -> Outcome:
 
 @unlocked
 def sweep(states: Any, work: Work, model: MdpArrays, judging: Judging, out: Outcome) -> int:
-    """Back up each of the states (n,), and compare its actions with the best of those before them,
-    from its cursor on. Returns how many states were reached: it stops where there may be no room to
-    keep the next state's comparisons.
+    """Back up each of the states (n,), and compare its actions from its cursor on.
 
-    An oracle is asked about one challenger of each state, so that all states take turns; then the
-    state's code is ANSWERED. It stops behind a state where she comes back UNSETTLED.
+    Each action is compared with the best of those before it. Return the number of states reached.
+    The sweep stops if there may be no room to keep the next state's comparisons.
+
+    An oracle is asked about one challenger of each state, so that all states take turns. The
+    state's code is then ANSWERED. The sweep stops behind a state for which the oracle returns
+    UNSETTLED.
     """
     rule, asking, oracle, certificates, kept, _, _ = judging
     keeps = len(kept.tiers) > 0

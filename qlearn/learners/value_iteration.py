@@ -41,7 +41,9 @@ from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.warm_planning import nearly_valued
 
-_EVALUATED = 0.1  # of the span that sweeps stop at: how nearly the present actions are valued
+_EVALUATED = (
+    0.1  # precision of the value of the present actions, as a share of the span that sweeps stop at
+)
 
 
 class InteractiveValueIteration(Learner):
@@ -152,13 +154,13 @@ class InteractiveValueIteration(Learner):
         self._answered: dict[int, Verdict] = {}  # by state, for the pair at its cursor
 
     def result(self) -> Result:
-        """The policy and the counts so far."""
+        """Return the policy and the counts so far."""
         mdp, policy, v = self._mdp, self._states.best.copy(), self._states.v.copy()
         if self._end is None:
             shares = partial(
                 q_of, np.arange(mdp.n_states), v, self._states.model
             )  # computed when first read
-        else:  # where sweeps end, values may still have far to go, all alike
+        else:  # when sweeps end, values may still have far to go, all by the same amount
             shares = partial(_followed_from, v, policy, mdp, _EVALUATED * self._small_span)
         return self._result(mdp, policy, shares, self._end, self._sweeps, tolerance=self._tolerance)
 
@@ -197,11 +199,11 @@ class InteractiveValueIteration(Learner):
     def _in_order(
         self, d: Floats, states: NDArray[np.int64], actions: NDArray[np.int32]
     ) -> list[int]:
-        """The rows of d (n, k), those to ask about first in front."""
+        """Return the rows of d (n, k), those to ask about first in front."""
         return list(range(len(d)))
 
     def _finish_sweep(self) -> None:
-        """A sweep is done: on to the next one, or to the end."""
+        """End a sweep, and begin the next one or end the run."""
         self._sweeps += 1
         if self._certified(self._mdp, self._states.best, self._max_loss):
             self._end = Status.CERTIFIED
@@ -211,13 +213,13 @@ class InteractiveValueIteration(Learner):
             self._end = Status.SWEEP_LIMIT
         else:
             self._states.next_sweep()
-            # the first sweep looks one step ahead: its actions are not worth questions about what
-            # they come to; and in the end plain sweeps are certain to contract
+            # the first sweep looks one step ahead, so that the long-run value of its actions is not
+            # worth questions; and in the end only plain sweeps are certain to contract
             if self._partial_sweeps and self._sweeps > 1 and used <= self._max_sweeps // 2:
                 self._states.follow(_EVALUATED * self._small_span)
 
     def _settled(self) -> Status | None:
-        """Return the final status once V has settled; None: go on."""
+        """Return the final status once V has settled, or None to go on."""
         if self._elicitation.counts[Tier.GUESS] > self._guessed:
             return Status.GUESSED
         if self._elicitation.unsure:
@@ -234,14 +236,12 @@ class InteractiveValueIteration(Learner):
 class LateValueIteration(InteractiveValueIteration):
     """Value iteration on share vectors that puts its questions off.
 
-    Gilbert, Spanjaard, Viappiani and Weng (2015) delay and order questions so.
-
-    Undecided pairs go by the comparator's central scale until V has settled; only then one of those
-    that it met is asked about, the best by ``strategy`` (``qlearn.strategies``), and sweeps go on.
-    It stops after a sweep in which nothing had to be guessed, so that the same guarantee holds as
-    for InteractiveValueIteration. Other keywords as there; the default limit of sweeps is for each
-    question. One that asks about everything (AlwaysAsk with a simulated tutor) asks at once all the
-    same.
+    It delays and orders questions as Gilbert, Spanjaard, Viappiani and Weng (2015) do. Undecided
+    pairs go by the comparator's central scale until V has settled. Only then it asks about one of
+    the pairs that it met, the best by ``strategy`` (``qlearn.strategies``), and sweeps go on. It
+    stops after a sweep without a guess, so that it has the guarantee of InteractiveValueIteration.
+    Other keywords are as there. The default limit of sweeps applies to each question. A learner
+    that asks about everything (AlwaysAsk with a simulated tutor) asks at once nevertheless.
     """
 
     def __init__(
@@ -278,7 +278,7 @@ class LateValueIteration(InteractiveValueIteration):
         super()._finish_sweep()
         self._guessed = int(
             self._elicitation.counts[Tier.GUESS]
-        )  # what counts is to guess nothing in the last sweep
+        )  # only guesses in the last sweep count
 
     def _settled(self) -> Status | None:
         status = super()._settled()

@@ -1,6 +1,6 @@
 """Checks of an MDP's arrays, a block of states at a time.
 
-The arrays may fill most of the memory there is.
+The arrays may fill most of the memory.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ Indices = NDArray[np.int32]
 Flags = NDArray[np.bool_]
 
 BLOCK = 1 << 20  # numbers checked at once
-_SUM_TOLERANCE = 1e-9  # farther from 1 than this, a row is no distribution
-_ROUNDING = 1e-12  # nearer to 1 than this, a row is kept bit for bit, so that copies are identical
+_SUM_TOLERANCE = 1e-9  # a row farther from 1 than this is no distribution
+_ROUNDING = 1e-12  # a row nearer to 1 than this is kept bit for bit, so that copies are identical
 
 
 def clean(
@@ -26,9 +26,9 @@ def clean(
 ) -> tuple[NDArray[np.integer[Any]], Floats]:
     """Return successors (S, A, b) int32 and probabilities (S, A, b) for ``OrdinalMDP``.
 
-    What is never read is overwritten, and every row is checked and, beyond rounding, divided by its
-    sum. Arrays that need no change come back themselves; read-only ones are never written to.
-    Raises ValueError.
+    Entries that are never read are overwritten. Every row is checked and, beyond rounding, divided
+    by its sum. Arrays that need no change are returned themselves. Read-only ones are never written
+    to. Raise ValueError.
     """
     n, _, b = probabilities.shape
     step = max(1, BLOCK // max(1, probabilities[0].size))
@@ -72,10 +72,10 @@ def reject(name: str, array: NDArray[Any], bad: Flags, rule: str, start: int = 0
 def numbers(
     name: str, given: ArrayLike, shape: tuple[int, ...] | None = None, whole: bool = False
 ) -> NDArray[Any]:
-    """A copy of ``given`` as floats; of integers (``whole``) as int32 where they fit.
+    """Return a copy of ``given`` as floats; integers (``whole``) as int32 if they fit.
 
-    An array of just that type that is read-only and owns its memory is taken as it is. Raises
-    TypeError, ValueError.
+    An array of just that type that is read-only and owns its memory is not copied. Raise TypeError
+    or ValueError.
     """
     kind: Any = np.float64
     if whole and isinstance(given, np.ndarray) and given.dtype.kind in "iu":
@@ -100,14 +100,14 @@ def _frozen(array: NDArray[Any]) -> bool:
 
 
 def indices(name: str, given: ArrayLike, shape: tuple[int, ...], count: int) -> Indices:
-    """A copy of ``given`` as int32, each in 0..count - 1. Raises TypeError, ValueError."""
+    """Return a copy of ``given`` as int32, each in 0..count - 1. Raise TypeError or ValueError."""
     array = _int32(name, numbers(name, given, shape, whole=True))
     reject(name, array, (array < 0) | (array >= count), f"must be in 0..{count - 1}")
     return array
 
 
 def levels(given: ArrayLike, shape: tuple[int, int], k: int) -> Indices:
-    """A copy of the levels of an MDP as int32. Raises TypeError, ValueError."""
+    """Return a copy of the levels of an MDP as int32. Raise TypeError or ValueError."""
     dimensions = np.ndim(given) if isinstance(given, np.ndarray) else len(shape)
     if dimensions == len(shape) + 1:
         raise ValueError(
@@ -126,7 +126,7 @@ def levels(given: ArrayLike, shape: tuple[int, int], k: int) -> Indices:
 
 
 def _int32(name: str, array: NDArray[Any], start: int = 0) -> Indices:
-    """The array as int32; ``start`` as for ``reject``."""
+    """Return the array as int32. ``start`` is as for ``reject``."""
     if array.dtype == np.int32:
         return array
     bad = ~(array == np.floor(array)) | (np.abs(array) > 2**31 - 1)
@@ -135,9 +135,9 @@ def _int32(name: str, array: NDArray[Any], start: int = 0) -> Indices:
 
 
 def flags(name: str, given: ArrayLike | None, shape: tuple[int, ...], default: bool) -> Flags:
-    """A copy of ``given`` as bools, everywhere ``default`` where it is None.
+    """Return a copy of ``given`` as bools, or ``default`` everywhere if it is None.
 
-    Raises TypeError, ValueError.
+    Raise TypeError or ValueError.
     """
     if given is None:
         return np.full(shape, default)
@@ -154,7 +154,7 @@ def flags(name: str, given: ArrayLike | None, shape: tuple[int, ...], default: b
 
 
 def labels(given: Sequence[str]) -> tuple[str, ...]:
-    """The levels' names as plain strings. Raises TypeError, ValueError."""
+    """Return the levels' names as plain strings. Raise TypeError or ValueError."""
     found = _strings("labels", given, "a sequence of strings, worst level first")
     if len(found) < 2:
         raise ValueError(
@@ -166,7 +166,7 @@ def labels(given: Sequence[str]) -> tuple[str, ...]:
 def names(name: str, given: Sequence[str] | None, count: int) -> tuple[str, ...] | None:
     """Return the names of states or actions as plain strings; None if they have numbers only.
 
-    Raises TypeError, ValueError.
+    Raise TypeError or ValueError.
     """
     if given is None:
         return None
@@ -177,7 +177,7 @@ def names(name: str, given: Sequence[str] | None, count: int) -> tuple[str, ...]
 
 
 def _strings(name: str, given: Sequence[str], wanted: str) -> tuple[str, ...]:
-    """Different plain strings, also of a numpy array."""
+    """Return different plain strings, also from a NumPy array."""
     sized = isinstance(given, Iterable) and not isinstance(given, str)
     found = tuple(given) if sized else ()
     if not sized or not all(isinstance(one, str) for one in found):
@@ -191,7 +191,7 @@ def _strings(name: str, given: Sequence[str], wanted: str) -> tuple[str, ...]:
 
 
 def check_terminal_levels(levels: Indices, terminal: Flags, admissible: Flags) -> None:
-    """Raise ValueError where a terminal state has two levels."""
+    """Raise ValueError if a terminal state has two levels."""
     ends = np.flatnonzero(terminal)
     levels, admissible = levels[ends], admissible[ends]
     lowest = np.where(admissible, levels, np.iinfo(np.int32).max).min(axis=1)
@@ -207,9 +207,9 @@ def check_terminal_levels(levels: Indices, terminal: Flags, admissible: Flags) -
 
 
 def distributions(name: str, p: Floats, needed: Flags | None = None, start: int = 0) -> Floats:
-    """Return p (..., b) with every row a distribution, but zeros that are not ``needed``.
+    """Return p (..., b) with every needed row a distribution.
 
-    It is p itself if nothing need change. Raises ValueError.
+    It is p itself if no change is needed. Raise ValueError.
     """
     reject(name, p, ~np.isfinite(p), "must be finite", start)
     reject(name, p, p < 0, "must not be negative", start)

@@ -1,4 +1,4 @@
-"""Backing up share vectors, eq. (3), a state at a time, in code that numba can compile.
+"""Back up share vectors, eq. (3), a state at a time, in code that numba can compile.
 
 Q is never kept for all states.
 """
@@ -16,13 +16,13 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 
 class MdpArrays(NamedTuple):
-    """The MDP as a sweep reads it; row s*A + a of ``OrdinalMDP.transitions`` belongs to (s, a)."""
+    """The MDP as a sweep reads it. Row s*A + a of ``OrdinalMDP.transitions`` belongs to (s, a)."""
 
     successors: NDArray[np.integer[Any]]  # (n,)
     probabilities: Floats  # (n,)
     ends: NDArray[
         np.integer[Any]
-    ]  # (S*A + 1,) where each row starts, and the last ends; an empty one is inadmissible
+    ]  # (S*A + 1,) the start of each row, and the last end; an empty row is inadmissible
     levels: NDArray[np.integer[Any]]  # (S*A,)
     terminal: NDArray[np.bool_]  # (S,)
     n_actions: int
@@ -37,9 +37,9 @@ class MdpArrays(NamedTuple):
 
 
 def model_of(mdp: OrdinalMDP) -> MdpArrays:
-    """Return the MDP's own arrays, to read.
+    """Return the MDP's own arrays, read-only.
 
-    Whether they could be written to is chance, and would be compiled for anew.
+    Otherwise some might be writeable, and loops would be compiled for both kinds.
     """
     p, levels = mdp.transitions, mdp.levels.reshape(-1)
     indices, data, ends = _to_read(p.indices), _to_read(p.data), _to_read(p.indptr)
@@ -56,9 +56,10 @@ def _to_read(array: Any) -> Any:
 
 @compiled
 def back_up_from(s: int, v: Any, arrays: Any, discount: float, q: Any) -> None:
-    """Q(s, .) into q (A, k), eq. (3) in shares; rows of inadmissible actions are left as they are.
+    """Write Q(s, .), eq. (3) in shares, into q (A, k).
 
-    ``arrays`` are the model's first four: to hand over all of it for every state costs more.
+    Rows of inadmissible actions are left as they are. ``arrays`` are the model's first four:
+    handing over all of it for every state takes longer.
     """
     successors, probabilities, ends, levels = arrays
     m, k = q.shape
@@ -79,7 +80,10 @@ def back_up_from(s: int, v: Any, arrays: Any, discount: float, q: Any) -> None:
 
 
 def back_up_together(states: Any, v: Any, model: MdpArrays, q: Any) -> None:
-    """``back_up_all``, all rows at once: first all first successors, then all second ones."""
+    """Write the result of ``back_up_all``, all rows at once.
+
+    It takes all first successors, then all second ones, and so on.
+    """
     m, k = q.shape[1:]
     rows = (np.asarray(states)[:, None] * m + np.arange(m)).reshape(-1)
     first, into = model.ends[rows], q.reshape(-1, k)
@@ -99,10 +103,10 @@ def back_up_together(states: Any, v: Any, model: MdpArrays, q: Any) -> None:
 
 @compiled_beside(back_up_together)
 def back_up_all(states: Any, v: Any, model: MdpArrays, q: Any) -> None:
-    """Compute Q (n, A, k) of n states, as ``OrdinalMDP`` has it.
+    """Write Q (n, A, k) of n states, as ``OrdinalMDP`` has it, into q.
 
-    It is a terminal state's value whatever the action, and all on the worst level if an action is
-    inadmissible.
+    For a terminal state it is the state's value whatever the action. For an inadmissible action it
+    is all on the worst level.
     """
     m, k = q.shape[1:]
     arrays = model.successors, model.probabilities, model.ends, model.levels
@@ -116,7 +120,7 @@ def back_up_all(states: Any, v: Any, model: MdpArrays, q: Any) -> None:
 
 
 def q_of(states: NDArray[np.int64], v: Floats, model: MdpArrays) -> Floats:
-    """Q (n, A, k) of these states after V (S, k), as ``back_up_all`` has it."""
+    """Return Q (n, A, k) of these states after V (S, k), as ``back_up_all`` has it."""
     q = np.empty((len(states), model.n_actions, v.shape[1]))
     back_up_all(states, v, model, q)
     return q

@@ -1,6 +1,6 @@
 """The policy of equal gaps: acting without having asked, and the loss of doing so.
 
-Where nobody is asked, the plain guess is that the steps between neighbouring levels are equal. The
+If nobody is asked, the plain guess is that the steps between neighbouring levels are equal. The
 loss of this guess under a hidden scale is the most that questions can save.
 """
 

@@ -1,7 +1,4 @@
-"""An OrdinalMDP's arrays from an environment that carries its tables.
-
-They have the form of Gymnasium's toy texts.
-"""
+"""An OrdinalMDP's arrays from an environment with tables, such as Gymnasium's toy texts."""
 
 from __future__ import annotations
 
@@ -30,7 +27,7 @@ def read(
     initial: ArrayLike | None,
     after: float,
 ) -> dict[str, Any]:
-    """The arguments of ``OrdinalMDP``; ``OrdinalMDP.from_environment`` says which."""
+    """Return the arguments of ``OrdinalMDP``, as ``OrdinalMDP.from_environment`` describes them."""
     inner = getattr(env, "unwrapped", env)
     table = _table(inner)
     ends = any(step[3] for actions in table for outcomes in actions for step in outcomes)
@@ -58,7 +55,7 @@ Table: TypeAlias = list[list[list[tuple[float, int, float, bool]]]]
 
 
 def _table(inner: Any) -> Table:
-    """P[s][a] as lists, checked."""
+    """Return P[s][a] as lists, checked."""
     given = getattr(inner, "P", None)
     if given is None:
         raise TypeError(
@@ -92,7 +89,7 @@ def _scale(
     labels: Sequence[str] | None,
     rewards: set[float],
 ) -> tuple[dict[float, int], tuple[str, ...]]:
-    """The level of each reward, and the levels' names, worst first."""
+    """Return the level of each reward, and the levels' names, worst first."""
     if isinstance(levels, Mapping):
         names = (
             checks.labels(labels) if labels is not None else tuple(dict.fromkeys(levels.values()))
@@ -129,8 +126,8 @@ def _scale(
 def _nodes(table: Table, arrival: dict[float, int], after: int) -> list[Node]:
     """Return the environment's states with the levels they are entered with.
 
-    The lowest level comes first, then each further one; then the end, entered with each level, and
-    last with that of the time ``after`` it.
+    Each state with its lowest level comes first, then states with each further level. Then follows
+    the end, entered with each level, and last with that of the time ``after`` it.
     """
     entered: dict[int, set[int]] = {s: set() for s in range(len(table))}
     ended: set[int] = set()
@@ -155,7 +152,10 @@ def _arrays(
     arrival: dict[float, int],
     after: int,
 ) -> dict[str, Any]:
-    """The arrays of the MDP over these nodes; ``after``: the level of the time after the end."""
+    """Return the arrays of the MDP over these nodes.
+
+    ``after`` is the level of the time after the end.
+    """
     number = {node: i for i, node in enumerate(nodes)}
     end = len(nodes) - 1 if nodes[-1][0] == _END else None
     n, m = len(nodes), max(len(actions) for actions in table)
@@ -184,7 +184,7 @@ def _arrays(
 
 
 def _start(states: int, n: int, initial: ArrayLike | None) -> Floats:
-    """The initial distribution (n,): that over the environment's states, which come first."""
+    """Return the initial distribution (n,), over the environment's states, which come first."""
     given = (
         np.full(states, 1 / states) if initial is None else np.asarray(initial, dtype=np.float64)
     )

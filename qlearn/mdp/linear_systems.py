@@ -1,11 +1,9 @@
-"""Discounted totals in a Markov chain.
+"""Discounted totals in a Markov chain, with the same result on every processor.
 
-They solve linear systems, with the same result on every processor.
-
-Libraries solve to within rounding, and round differently on another processor. So a solution is
-refined until it is the exact one, rounded once: its residual is computed without rounding, by
-cutting numbers into parts of so few bits that their products and sums are exact (Ozaki, Ogita,
-Oishi and Rump 2012), and solved for again.
+They solve linear systems. Libraries solve these to within rounding, and round differently on
+another processor. So a solution is refined until it is the exact one, rounded once. Its residual is
+computed without rounding: numbers are cut into parts of so few bits that their products and sums
+are exact (Ozaki, Ogita, Oishi and Rump 2012). Then the system is solved for the residual.
 """
 
 from __future__ import annotations
@@ -22,14 +20,14 @@ from elicit.model.scale import Floats
 
 _DENSE = 400  # up to this many states LAPACK is faster than an iteration
 _SPARSE = 50_000  # up to this many, factors of a sparse matrix that fills up still fit into memory
-_RESIDUAL = 1e-14  # leaves an error of at most this over 1 - discount
-# Sweeps beside a constant, at most, and by how much each must take the residual down, after a rise
-# at first.
+_RESIDUAL = 1e-14  # leaves an error of at most this divided by 1 - discount
+# largest number of sweeps beside a constant; the factor by which each must reduce the residual;
+# and the factor by which it may rise at first
 _SWEEPS, _FALLS, _AT_FIRST = 100, 0.7, 30.0
-# of a part: products of two have 40, and sums of 2^13 of these still fit into the 53 bits of a
-# float
+# bits of a part: products of two have 40, and sums of 2^13 of these still fit into the 53 bits of
+# a float
 _BITS = 20
-_SMALL = 2.0**-42  # after a correction of this size what is left is far below the last bit
+_SMALL = 2.0**-42  # after a correction of this size the remaining error is far below the last bit
 _CORRECTIONS = 6
 
 Solver = Callable[[Floats], Floats]
@@ -54,7 +52,7 @@ def discounted_totals(chain: sparse.csr_array, inflow: Floats, discount: float) 
 def _refined(
     flows: sparse.csr_array, high: Floats, inflow: Floats, solve: Solver
 ) -> tuple[Floats, Floats]:
-    """Return the solution as two numbers each, from a near one.
+    """Return the solution as two numbers each, from an approximate one.
 
     The second lies below the last bit of the first.
     """
@@ -67,7 +65,7 @@ def _refined(
             break
         step = low + solve(left / size) * size
         total = high + step
-        low = step - (total - high)  # exact, for the step is the smaller one (Dekker 1971)
+        low = step - (total - high)  # exact, because the step is the smaller one (Dekker 1971)
         high = total
         if np.abs(step).max() <= _SMALL:
             break
@@ -77,7 +75,7 @@ def _refined(
 def _exact_residual(flows: sparse.csr_array, inflow: Floats) -> Callable[[Floats, Floats], Floats]:
     """Return a function that gives inflow + flows @ (high + low) - (high + low).
 
-    It is right to far below the last bit.
+    Its error is far below the last bit.
     """
     first = _with_data(flows, _leading(flows.data, _BITS))
     rest = flows.data - first.data
@@ -103,7 +101,7 @@ def _exact_residual(flows: sparse.csr_array, inflow: Floats) -> Callable[[Floats
 
 
 def _leading(x: Floats, bits: int) -> Floats:
-    """Return x rounded to so many bits behind the point."""
+    """Return x rounded to so many bits behind the binary point."""
     return np.asarray(np.round(x * 2.0**bits) * 2.0**-bits)
 
 
@@ -113,7 +111,7 @@ def _with_data(matrix: sparse.csr_array, data: Floats) -> sparse.csr_array:
 
 
 def _dense(flows: sparse.csr_array) -> Solver:
-    """Return a solver by LAPACK's factors."""
+    """Return a solver that uses a dense LU factorisation."""
     factors = lu_factor(
         np.eye(flows.shape[0]) - flows.toarray(), check_finite=False, overwrite_a=True
     )
@@ -121,10 +119,10 @@ def _dense(flows: sparse.csr_array) -> Solver:
 
 
 def _sparse(flows: sparse.csr_array, discount: float) -> Solver:
-    """Return a solver: the first of four methods that gets there, from now on.
+    """Return a solver that uses the first of four methods that succeeds, from then on.
 
     Sweeps beside a constant and Krylov steps are quick on chains that mix, for which factors fill
-    up. Factors solve the rest, and plain sweeps what they have no room for.
+    up. Factors solve the rest. If there is no room for factors, plain sweeps do.
     """
     n = flows.shape[0]
     matrix = sparse.eye_array(n, format="csr") - flows
@@ -150,12 +148,13 @@ def _sparse(flows: sparse.csr_array, discount: float) -> Solver:
 
 
 def _swept_beside_a_constant(flows: sparse.csr_array, inflow: Floats) -> Floats | None:
-    """Return the solution by sweeps; None where they do not get there fast.
+    """Return the solution by sweeps, or None if they converge too slowly.
 
-    Sweeps forget all but a constant as fast as the chain mixes, and the constant as slowly as the
-    discount is near 1. So each adds the constant that makes the mean residual 0.
+    Sweeps reduce all but a constant as fast as the chain mixes. They reduce the constant only
+    slowly if the discount is near 1. So each sweep adds the constant that makes the mean residual
+    0.
     """
-    leak = 1.0 - float(flows.sum()) / flows.shape[0]  # of a constant, what a sweep loses
+    leak = 1.0 - float(flows.sum()) / flows.shape[0]  # the share of a constant that a sweep loses
     x, first = inflow.copy(), np.inf
     for sweep in range(_SWEEPS):
         residual = inflow + flows @ x
@@ -172,7 +171,7 @@ def _swept_beside_a_constant(flows: sparse.csr_array, inflow: Floats) -> Floats 
 
 
 def _by_krylov_steps(matrix: sparse.csr_array, inflow: Floats) -> Floats | None:
-    """Return the solution, column by column; None where the steps do not get there."""
+    """Return the solution, column by column, or None if the steps do not converge."""
     x = inflow.copy()
     for column in x.T:
         target = column.copy()
@@ -182,7 +181,7 @@ def _by_krylov_steps(matrix: sparse.csr_array, inflow: Floats) -> Floats | None:
                 break
             with np.errstate(
                 all="ignore"
-            ):  # it may diverge to where numbers overflow: then factors are taken
+            ):  # if it diverges until numbers overflow, factors are taken
                 column += bicgstab(matrix, residual, rtol=1e-6, maxiter=100)[0]
         else:
             return None
@@ -190,7 +189,7 @@ def _by_krylov_steps(matrix: sparse.csr_array, inflow: Floats) -> Floats | None:
 
 
 def _swept(flows: sparse.csr_array, inflow: Floats, discount: float) -> Floats:
-    """Solve by sweeps, each of which takes the error to ``discount`` times what it was.
+    """Solve by sweeps, each of which multiplies the error by ``discount``.
 
     That is slow, but takes no memory.
     """

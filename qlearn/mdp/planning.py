@@ -29,14 +29,29 @@ def value_iteration(
 ) -> tuple[Floats, Actions]:
     """Return the optimal value v (S,) in shares and an optimal policy (S,), eq. (2).
 
-    The scale is ``values`` (k,).
+    The value satisfies v(s) = max_a (1 - discount) e_level(s,a) + discount * sum p(s, a, s') v(s')
+    over admissible a, and |v - v*| <= ``tolerance`` at every state. A terminal state's v is its
+    normalised value exactly. Policy iteration finds the solution. Bellman sweeps then certify it:
+    |v - v*| <= (last change) * discount / (1 - discount).
 
-    v(s) = max_a (1 - discount) e_level(s,a) + discount * sum p(s, a, s') v(s') over admissible a,
-    with ``values`` normalised to 0..1, and |v - v*| <= ``tolerance`` at every state; a terminal
-    state's v is its normalised value exactly. Policy iteration finds the solution, Bellman sweeps
-    then certify it: |v - v*| <= (last change) * discount / (1 - discount). The policy is greedy for
-    v; actions within 1e-13 of the best tie, and the lowest index is taken. Raises ValueError for
-    bad ``values``, or a ``tolerance`` that floats cannot certify.
+    Parameters
+    ----------
+    mdp : OrdinalMDP
+    values : (k,)
+        The scale, which is normalised to 0..1.
+    tolerance : float
+        A share of the value range.
+
+    Returns
+    -------
+    v : (S,)
+    policy : (S,)
+        Greedy for v. Actions within 1e-13 of the best tie, and the lowest index is taken.
+
+    Raises
+    ------
+    ValueError
+        For bad ``values``, or a ``tolerance`` that floats cannot certify.
     """
     gain, ends = rewarded(mdp, mdp.normalise(values))
     holds = is_number(tolerance) and tolerance > 0
@@ -94,16 +109,31 @@ def policy_loss(
     """Return the loss (S,) of following ``policy`` from each state, against an optimal policy.
 
     It is a share of the value range e_k - e_1, from 0 to 1: (1 - discount)(v* - v^policy) on the
-    scale ``values`` (k,).
+    scale ``values`` (k,). It is accurate to ``tolerance``. Differences below 0, which are within
+    that, are set to 0.
 
-    Accurate to ``tolerance``; differences below 0, which are within it, are set to 0. ``optimum``
-    is v* (S,), where ``value_iteration`` has found it before. Raises ValueError as
-    ``value_iteration`` and ``evaluate_policy`` do.
+    Parameters
+    ----------
+    mdp : OrdinalMDP
+    policy : (S,) or (S, A)
+    values : (k,)
+    tolerance : float
+    optimum : (S,), optional
+        v*, if ``value_iteration`` has found it before.
+
+    Returns
+    -------
+    (S,)
+
+    Raises
+    ------
+    ValueError
+        As ``value_iteration`` and ``evaluate_policy`` do.
     """
     e, rule = mdp.normalise(values), _rule(mdp, policy)
     v = value_iteration(mdp, values, tolerance)[0] if optimum is None else optimum
     gain, ends = (1 - mdp.discount) * (rule @ e[mdp.levels].ravel()), rewarded(mdp, e)[1]
-    # of one scale: k times cheaper than the policy's vector value
+    # with one scale this is k times cheaper than the policy's vector value
     loss: Floats = np.maximum(
         v - valued(mdp, rule @ mdp.transitions, gain[:, None], ends[:, None])[:, 0], 0.0
     )
@@ -138,9 +168,9 @@ def policy_iteration(
 ) -> tuple[Floats, Actions]:
     """Return the greatest discounted total v (S,) of gains (S, A), and a policy (S,) for it.
 
-    A terminal state's total is ``ends`` (S,). It is found by Howard's algorithm, and the actions of
-    ``start`` (S,) are kept if they are as good. It need not be exact, only good: whoever needs
-    certainty certifies the result.
+    A terminal state's total is ``ends`` (S,). It is found by Howard's algorithm. The actions of
+    ``start`` (S,) are kept if they are as good. The result is good, but not certain: callers that
+    need certainty must prove it.
     """
     rows = np.arange(mdp.n_states)
     v = ends = np.where(mdp.terminal, ends, 0.0)
@@ -171,7 +201,7 @@ def optimal_policy(mdp: OrdinalMDP, values: Floats, start: Actions) -> Actions:
 def valued(mdp: OrdinalMDP, chain: sparse.csr_array, gain: Floats, ends: Floats) -> Floats:
     """Return discounted totals (S, c) of ``gain`` (S, c) in the chain (S, S).
 
-    A terminal state's are its ``ends`` (S, c), which are 0 at the other states.
+    A terminal state's totals are its ``ends`` (S, c), which are 0 at the other states.
     """
     total, live = ends.copy(), ~mdp.terminal
     chain = chain[live]
@@ -182,7 +212,7 @@ def valued(mdp: OrdinalMDP, chain: sparse.csr_array, gain: Floats, ends: Floats)
 
 
 def _rule(mdp: OrdinalMDP, policy: ArrayLike) -> sparse.csr_array:
-    """The policy as CSR (S, S*A): row s holds the probability of a in column s*A + a."""
+    """Return the policy as CSR (S, S*A): row s holds the probability of a in column s*A + a."""
     n, m = mdp.levels.shape
     given, live = np.asarray(policy), ~mdp.terminal
     weights = np.zeros((n, m))

@@ -1,6 +1,6 @@
 """Tables of other shapes as the one that ``OrdinalMDP.from_sparse`` stores.
 
-That is CSR (S*A, S), row s*A + a for (s, a).
+That is CSR (S*A, S), with row s*A + a for (s, a).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Matrix: TypeAlias = sparse.sparray | sparse.spmatrix
 
 
 def from_dense(transitions: ArrayLike) -> sparse.csr_array:
-    """From a table (S, A, S) of p(s, a, s')."""
+    """Return the table of a dense one (S, A, S) of p(s, a, s')."""
     table = checks.numbers("transitions", transitions)
     if table.ndim != 3 or table.shape[0] != table.shape[2] or 0 in table.shape:
         raise ValueError(f"transitions must have shape (S, A, S), not {table.shape}")
@@ -29,7 +29,7 @@ def from_dense(transitions: ArrayLike) -> sparse.csr_array:
 
 
 def from_sparse(transitions: Matrix | Sequence[Matrix]) -> sparse.csr_array:
-    """From one matrix (S*A, S), or A of them (S, S)."""
+    """Return the table of one matrix (S*A, S), or of A matrices (S, S)."""
     if sparse.issparse(transitions):
         matrix = _csr("transitions", transitions)
         if 0 in matrix.shape or matrix.shape[0] % matrix.shape[1]:
@@ -53,7 +53,10 @@ def from_pairs(
     a_indices: ArrayLike,
     k: int,
 ) -> tuple[sparse.csr_array, Indices, Flags]:
-    """From L state-action pairs; also the levels (S, A), of k, and which pairs there are (S, A)."""
+    """Return the table of L state-action pairs, the levels (S, A), and flags (S, A).
+
+    The levels are of k. A flag says whether the pair is listed.
+    """
     if not sparse.issparse(transitions):
         transitions = checks.numbers("transitions", transitions)
         if transitions.ndim != 2:
@@ -105,7 +108,7 @@ def padded(matrix: sparse.csr_array, read: Flags) -> tuple[Indices, Floats]:
 
 
 def _csr(name: str, matrix: Matrix) -> sparse.csr_array:
-    """A sparse matrix as canonical CSR, itself unchanged."""
+    """Return a sparse matrix as canonical CSR, without changing it."""
     if not sparse.issparse(matrix) or matrix.ndim != 2:
         raise ValueError(f"{name} must be a SciPy sparse matrix, not {type(matrix).__name__}")
     csr = sparse.csr_array(matrix, dtype=np.float64)

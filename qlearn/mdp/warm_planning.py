@@ -1,12 +1,13 @@
-"""Solving large MDPs nearly, from a solution nearby: by sweeps, which stop on the span of a change.
+"""Approximate solutions of large MDPs, from a solution nearby.
 
-A sweep moves all states' values up or down together far longer than it moves them apart, and what
-is common to all of them is known at once: with changes between ``low`` and ``high`` the values
-still have between discount / (1 - discount) times these to go (MacQueen 1966). So sweeps stop where
-high - low is small, and half of low + high is added. Where states mix slowly, as on grids,
-thousands of sweeps would be needed: there linear systems are solved instead.
+The method is sweeps, which stop on the span of a change. A sweep moves all states' values up or
+down together far longer than it moves them apart. The common part is known at once: after changes
+between ``low`` and ``high`` the values still have between discount / (1 - discount) times these to
+go (MacQueen 1966). So sweeps stop once high - low is small, and half of low + high is added. If
+states mix slowly, as on grids, thousands of sweeps would be needed. Then linear systems are solved
+instead.
 
-Nothing here is exact, and nothing relies on it: who needs certainty measures what is left
+Nothing here is exact, and nothing relies on it: callers that need certainty bound the error
 (``loss_bound``).
 """
 
@@ -24,15 +25,17 @@ from qlearn.mdp.blocks import in_blocks, some_rows
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import Actions, valued
 
-_LOOK = 4  # sweeps over which their pace is taken
-_WORTH = 40  # sweeps that a linear system is worth
-_ROUNDS = 200  # policies
-_ROUNDING = 1e-14  # a width that sweeps need not get below
-_COARSE = 1e-5  # a width to which single precision sweeps of shares: a hundred times its rounding
-_LARGE = 4_000_000  # products in a sweep from which single precision is worth a copy of the chain
-_MOST_COARSE = 30  # sweeps in single precision
+_LOOK = 4  # sweeps between two measurements of their pace
+_WORTH = 40  # a linear system takes about as long as so many sweeps
+_ROUNDS = 200  # largest number of policies
+_ROUNDING = 1e-14  # sweeps need not get below this width
+_COARSE = 1e-5  # single precision sweeps shares to this width, a hundred times its rounding
+_LARGE = (
+    4_000_000  # from so many products in a sweep on, single precision is worth a copy of the chain
+)
+_MOST_COARSE = 30  # largest number of sweeps in single precision
 _AT_ONCE = 1 << 14  # states whose changes are in memory at the same time
-_SLOW = 0.8  # of the last width: sweeps that leave more get on slowly
+_SLOW = 0.8  # sweeps that leave more than this share of the last width are too slow
 
 
 @one_thread
@@ -41,9 +44,9 @@ def nearly_optimal(
 ) -> tuple[Floats, Actions, float]:
     """Return the greatest discounted total (S,) of gain (S, A), to about ``within``.
 
-    A terminal state's total is ``ends`` (S,). It comes with a policy (S,) that is nearly greedy for
-    it, and with how much more than that total there can be at any state. By modified policy
-    iteration (Puterman and Shin 1978) from ``start`` (S,).
+    Also return a policy (S,) that is nearly greedy for it, and an upper bound on the missing part
+    of the total at any state. A terminal state's total is ``ends`` (S,). The method is modified
+    policy iteration (Puterman and Shin 1978) from ``start`` (S,).
     """
     rows, ratio = np.arange(mdp.n_states), mdp.discount / (1 - mdp.discount)
     ends = np.where(mdp.terminal, ends, 0.0)
@@ -54,7 +57,7 @@ def nearly_optimal(
         same = greedy == policy
         policy, v = greedy, best
         if ratio * (high - low) <= within or (same.all() and high - low <= _ROUNDING) or not left:
-            break  # at a value that low and high are about, also where rounds have run out
+            break  # low and high are about the present value, also if rounds have run out
         own, final = gain[rows, policy][:, None], ends[:, None]
         v = _followed(mdp, _chain(mdp, policy), own, final, v[:, None], float(high - low) / 10)[
             :, 0
@@ -65,11 +68,12 @@ def nearly_optimal(
 
 @one_thread
 def nearly_valued(mdp: OrdinalMDP, policy: Actions, start: Floats | None, within: float) -> Floats:
-    """Return the vector value of a deterministic policy (S,), nearly.
+    """Return the vector value of a deterministic policy (S,), nearly: shares (S, k).
 
-    It is as ``evaluate_policy`` gives it: shares (S, k). Their tail sums, backed up along the
-    policy, would change by amounts that differ from state to state, or from 0 if states are
-    terminal, by little more than ``within``. From the shares ``start`` (S, k), if there are any.
+    ``evaluate_policy`` gives it exactly. If the tail sums of these shares were backed up along the
+    policy, they would change by amounts that differ from state to state by little more than
+    ``within``. If states are terminal, the amounts differ from 0 by as little. The sweeps begin at
+    the shares ``start`` (S, k), if there are any.
     """
     levels, chain = np.arange(mdp.k - 1), _chain(mdp, policy)
     ends = ((mdp.final_level[:, None] > levels) & mdp.terminal[:, None]).astype(np.float64)
@@ -80,8 +84,8 @@ def nearly_valued(mdp: OrdinalMDP, policy: Actions, start: Floats | None, within
     tails[mdp.terminal] = ends[mdp.terminal]
     shares = _shares_of(_followed(mdp, chain, gain, ends, tails, within))
     if shares.min() < -within:
-        # all columns were moved too far together, as can be where some states have what they will
-        # ever have: to cut off what is negative would tear states apart
+        # all columns were moved too far together, as can happen if some states already have all
+        # that they will ever have; cutting off the negative part would tear states apart
         shares = _shares_of(valued(mdp, chain, gain, ends))
     np.maximum(shares, 0.0, out=shares)
     shares /= shares.sum(axis=1, keepdims=True)
@@ -89,7 +93,7 @@ def nearly_valued(mdp: OrdinalMDP, policy: Actions, start: Floats | None, within
 
 
 def _chain(mdp: OrdinalMDP, policy: Actions) -> sparse.csr_array:
-    """The transitions (S, S) under a policy."""
+    """Return the transitions (S, S) under a policy."""
     return mdp.transitions[np.arange(mdp.n_states) * mdp.n_actions + policy]
 
 
@@ -98,8 +102,8 @@ def _followed(
 ) -> Floats:
     """Return discounted totals (S, c) of ``gain`` (S, c) in a chain, from v (S, c).
 
-    Terminal states' are ``ends`` (S, c). It goes on until no column's changes differ by more than
-    ``within`` from state to state. v is overwritten.
+    Terminal states' totals are ``ends`` (S, c). Sweeps go on until no column's changes differ by
+    more than ``within`` from state to state. v is overwritten.
     """
     if within < _COARSE and chain.nnz * v.shape[1] >= _LARGE and v.shape[1] > 1:
         v = _followed_coarsely(mdp, chain, gain, ends, v)
@@ -123,7 +127,7 @@ def _followed_coarsely(
 ) -> Floats:
     """Return v (S, c) after sweeps in single precision, which need half the memory and time.
 
-    They end where single precision does, or where they get on slowly.
+    They end at the limit of single precision, or once they are too slow.
     """
     coarse = sparse.csr_array(
         (chain.data.astype(np.float32), chain.indices, chain.indptr), shape=chain.shape
@@ -144,9 +148,9 @@ def _followed_coarsely(
 def _swept(
     mdp: OrdinalMDP, chain: sparse.csr_array, gain: Any, ends: Any, v: Any
 ) -> tuple[Any, Floats, Floats]:
-    """Return the values (S, c) after one sweep: ``gain`` and what v (S, c) is worth.
+    """Return the values (S, c) after one sweep: ``gain`` plus discounted v (S, c).
 
-    Terminal states have their ``ends`` (S, c). They come with the least and the greatest change of
+    Terminal states have their ``ends`` (S, c). Also return the least and the greatest change of
     each column.
     """
 
@@ -175,8 +179,8 @@ def _improved(
 ) -> tuple[Floats, Actions, Floats, Floats]:
     """Return the values (S,) after one sweep, and the actions (S,) that attain them.
 
-    Of equally good actions it takes the first. They come with the least and the greatest change
-    from v (S,).
+    Of equally good actions the first is taken. Also return the least and the greatest change from v
+    (S,).
     """
     best, greedy, m = np.empty_like(v), np.empty(len(v), dtype=np.int64), mdp.n_actions
 
@@ -196,25 +200,25 @@ def _improved(
 
 
 def _over_all(changes: list[Floats]) -> tuple[Floats, Floats]:
-    """Return the least and the greatest change of each column, of those of all blocks.
+    """Return the least and the greatest change of each column over all blocks.
 
-    0 is among them if states are terminal, which do not change.
+    If states are terminal, 0 is among the changes.
     """
     both = np.array(changes)
     return both[:, 0].min(axis=0), both[:, 1].max(axis=0)
 
 
 def _to_go(mdp: OrdinalMDP, low: Floats, high: Floats) -> Floats:
-    """Return what to add to all values after changes between ``low`` and ``high``.
+    """Return the amount to add to all values after changes between ``low`` and ``high``.
 
-    It is the middle of the way that is left; nothing if some states are terminal.
+    It is the middle of the remaining way, or 0 if some states are terminal.
     """
     middle: Floats = mdp.discount / (1 - mdp.discount) * (low + high) / 2
     return np.zeros_like(middle) if mdp.terminal.any() else middle
 
 
 def _shares_of(tails: Floats) -> Floats:
-    """Shares (S, k) whose tail sums are these (S, k - 1)."""
+    """Return the shares (S, k) whose tail sums are these (S, k - 1)."""
     shares = np.empty((len(tails), tails.shape[1] + 1))
     shares[:, 0], shares[:, 1:] = 1.0, tails
     shares[:, :-1] -= tails

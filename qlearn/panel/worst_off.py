@@ -159,7 +159,7 @@ def worst_off(mdp: OrdinalMDP, panel: Panel) -> WorstOff:
 def _losses(
     mdp: OrdinalMDP, policy: NDArray[np.int64] | Floats, scales: Mapping[str, Floats]
 ) -> dict[str, float]:
-    """Return what a policy loses each, from the initial distribution."""
+    """Return what a policy costs each person, by name, from the initial distribution."""
     return {
         name: float(mdp.initial @ policy_loss(mdp, policy, scale)) for name, scale in scales.items()
     }

@@ -49,8 +49,7 @@ from qlearn.training.training_bound import (
 from qlearn.training.training_result import TrainedPolicy, TrainingResult
 
 _CORNERS = 2  # questions about vertices that no policy has reached, after each training
-# share of the tolerance that a difference must exceed to count for a strategy, and a training's
-# gain
+# share of the tolerance that a difference, or a training's gain, must exceed to count
 _MATTERS = 0.5
 _LEAST = 0.1  # share of the tolerance that a training must promise if no question is left
 _ABOUT = 12  # number of differences whose signs a simple question should tell
@@ -204,14 +203,16 @@ class InteractiveTraining:
             **filled(asking, {"indifference": tolerance * _MATTERS}),
         )
         self._policies: list[TrainedPolicy] = []
-        # of the trainings, in order: the limits, and the set that they leave
+        # the limits of the trainings, in order, and the set that they leave
         self._limits: list[float] = []
         self._cut = self._everything
         self._corners_left = 0  # vertices to be asked about before the next training
         self._next: Floats | _Question | Status | None = (
             None  # a scale to train on, a question, or the final status
         )
-        self._given: Floats | None = None  # the scale that to_train gave, until a policy is added
+        self._given: Floats | None = (
+            None  # the scale that ``to_train`` gave, until a policy is added
+        )
 
     def __repr__(self) -> str:
         now = self._elicitation
@@ -237,10 +238,10 @@ class InteractiveTraining:
 
     @property
     def start_from(self) -> Any:
-        """A hint for a warm start: the best of the policies so far at ``to_train()``, or None.
+        """Return the best policy so far at ``to_train()``, for a warm start, or None.
 
-        A cold start explores anew, which a warm one may not. Whichever you take, ``optimality_gap``
-        says how near it comes.
+        A cold start explores anew, which a warm one may not. In either case ``optimality_gap`` says
+        how near the training comes to its optimum.
         """
         self._advance()
         if not isinstance(self._next, np.ndarray) or not self._policies:
@@ -299,9 +300,9 @@ class InteractiveTraining:
 
     @one_thread
     def ask(self) -> tuple[Query, ...]:
-        """Return the pending query, or () when a policy is to be trained first, and at the end.
+        """Return the pending query, or () if a policy is to be trained first, and at the end.
 
-        It is the same until it is told.
+        It is the same until it is answered.
         """
         self._advance()
         if isinstance(self._next, _Question):
@@ -344,7 +345,7 @@ class InteractiveTraining:
 
     @property
     def finished(self) -> bool:
-        """True if nothing is left to train or to ask."""
+        """True if no training and no question is left."""
         self._advance()
         return not self._elicitation.pending and isinstance(self._next, Status)
 
@@ -444,7 +445,7 @@ class InteractiveTraining:
     def _best(self) -> int:
         """Return the number of the policy that is best at the central scale.
 
-        Of equals it takes the first.
+        Of equally good ones the first is taken.
         """
         return int(
             np.argmax(
@@ -455,9 +456,9 @@ class InteractiveTraining:
         )
 
     def _reach(self) -> ReachableSet:
-        """Return what policies can reach at most.
+        """Return the set of vectors that policies can reach at most.
 
-        Each training is taken to come to its optimum, or to the best added since.
+        Each training is taken to reach its optimum, or the best policy added since.
         """
         scales = [np.diff(one.trained_on) for one in self._policies if one.trained_on is not None]
         if not scales:
@@ -469,10 +470,7 @@ class InteractiveTraining:
         return self._cut
 
     def _best_pair(self, d: Floats, pair: Callable[[int], Pair]) -> Pair | None:
-        """Return the best of the differences d (n, k) that may matter and may be asked about.
-
-        None if there is none.
-        """
+        """Return the best pair of differences d (n, k) that matter and may be asked, or None."""
         elicitation = self._elicitation
         high = simultaneous_bounds(elicitation.comparator, d)[0]
         rows = np.argsort(-high, kind="stable")[:_LOOKED_AT]
@@ -483,10 +481,7 @@ class InteractiveTraining:
         return pair(int(rows[best(self._strategy, self._candidates(d[rows]))[0]]))
 
     def _simple_pair(self, d: Floats) -> Pair | None:
-        """Return a question of simple bags on the signs of some of these differences (n, k).
-
-        None if there is none.
-        """
+        """Return a question of simple bags on the signs of differences (n, k), or None."""
         if self._bags is None or not len(d):
             return None
         candidates = self._candidates(d[:_LOOKED_AT])
@@ -500,14 +495,14 @@ class InteractiveTraining:
         )
 
     def _pair_of_policies(self, at: int, row: int, tier: int = int(Tier.TUTOR)) -> Pair:
-        """Return the best policy against another, the row-th of the others."""
+        """Return the pair of the best policy and another, the row-th of the others."""
         other = row + (row >= at)
         about = f"policy {other + 1} (left) or policy {at + 1}, the best so far (right)?"
         place = (("policies", min(at, other), max(at, other)),)
         return Pair(self._policies[other].shares, self._policies[at].shares, about, place, tier)
 
     def _pair_with_unseen(self, at: int, unseen: Floats, row: int) -> Pair:
-        """Return the best policy against a vector of (n, k) that no policy is known to have."""
+        """Return the pair of the best policy and a vector of (n, k) that no policy has reached."""
         about = f"what no policy has shown yet (left) or policy {at + 1}, the best so far (right)?"
         place = (("unseen", at, np.round(unseen[row], 2).tobytes()),)
         return Pair(unseen[row], self._policies[at].shares, about, place)

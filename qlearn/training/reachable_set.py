@@ -1,11 +1,9 @@
-"""The vectors that policies can reach at most, as far as trainings tell.
+"""The vectors that policies can reach at most, as far as trainings tell: a polytope.
 
-They are a polytope with its vertices.
-
-A training names no reachable vectors, but bounds them: a training that came within a gap of its
-optimum says that no policy is better at its own scale by more than that (outer approximation:
-Roijers 2015, "Multi-objective decision-theoretic planning"). Vectors are held as tail sums t, so
-that a scale with gaps g gives them the value t.g.
+A training names no reachable vectors, but bounds them. If it came within a gap of its optimum, no
+policy is better at its own scale by more than that (outer approximation: Roijers 2015,
+"Multi-objective decision-theoretic planning"). Vectors are held as tail sums t, so that a scale
+with gaps g gives them the value t.g.
 """
 
 from __future__ import annotations
@@ -27,23 +25,23 @@ MOST_CORNERS = 4_000
 it still hold.
 """
 
-_ON = 1e-9  # a point this near a facet is on it, for sizes of about 1
-_SAME = 10  # decimals by which vertices are told apart
+_ON = 1e-9  # a point this near to a facet is on it, for sizes of about 1
+_SAME = 10  # vertices that agree to so many decimals are the same
 
 
 @dataclass(frozen=True, eq=False)
 class ReachableSet:
     """The set {t : facets t <= limits}.
 
-    ``corners`` (c, p) has all of its vertices and no points outside, up to rounding. It also has
-    ``facets`` (f, p), ``limits`` (f,), and ``tight`` (c, f), the facets that each vertex is on.
+    ``corners`` (c, p) has all of its vertices and no points outside, up to rounding. ``facets`` is
+    (f, p), and ``limits`` (f,). ``tight`` (c, f) flags the facets that each vertex is on.
     """
 
     corners: Floats
     facets: Floats
     limits: Floats
     tight: NDArray[np.bool_]
-    full: bool = False  # whether a cut was left out
+    full: bool = False  # True if a cut was left out
 
     @staticmethod
     def of(corners: Floats, facets: Floats, limits: Floats) -> ReachableSet:
@@ -105,7 +103,7 @@ class ReachableSet:
         return np.concatenate([1.0 - t[:, :1], t[:, :-1] - t[:, 1:], t[:, -1:]], axis=1)
 
     def excess(self, t: Floats) -> float:
-        """Return how far tail sums t (p,) lie outside at most; negative inside."""
+        """Return the greatest distance of tail sums t (p,) outside the set; negative inside."""
         return float((product(self.facets, t) - self.limits).max())
 
     def greatest(self, gaps: Floats) -> Floats:
@@ -115,8 +113,8 @@ class ReachableSet:
     def cut_by(self, cuts: Sequence[tuple[Floats, float]]) -> ReachableSet:
         """Return the part of the set after ``cut`` by each of these gaps (p,) and limits.
 
-        If some have to be left out, it is the first ones rather than the last: later trainings are
-        at scales that more answers have left plausible.
+        If some have to be left out, the first ones are. Later trainings are at scales that more
+        answers have left plausible.
         """
         reach = self
         for gaps, limit in cuts:
@@ -156,7 +154,7 @@ class ReachableSet:
 
 
 def as_shares(shares: ArrayLike, k: int) -> tuple[Floats, float]:
-    """Return a vector of total 1, and the share of it that was missing.
+    """Return shares (k,) scaled to a total of 1, and the missing share.
 
     The missing share is taken to be spread as the rest is.
 
@@ -173,7 +171,7 @@ def as_shares(shares: ArrayLike, k: int) -> tuple[Floats, float]:
     Raises
     ------
     ValueError
-        For a total above 1 or no more than 0, and unless there are k finite numbers.
+        If the total is above 1 or not above 0, or there are not k finite numbers.
     """
     given = as_vectors(shares, k, name="shares")
     require(len(given) == 1, "shares", f"one vector of {k} shares", shares)

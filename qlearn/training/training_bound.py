@@ -1,8 +1,8 @@
 """Upper bound on the loss of the best trained policy against all others, and its conditions.
 
 A training that came within a gap of its optimum bounds all policies at its own scale
-(``ReachableSet``). Nothing can vouch for the gap. But if a later policy beats an earlier training
-at its scale by more, the gap is seen not to hold.
+(``ReachableSet``). Nothing can prove the gap. But it is refuted if a later policy beats an earlier
+training, at that training's scale, by more.
 """
 
 from __future__ import annotations
@@ -32,9 +32,10 @@ ROUNDING = 1e-9
 
 
 def greatest_error(errors: ArrayLike, k: int) -> float:
-    """Return the greatest standard error of a vector's worth under any scale.
+    """Return the greatest standard error of a vector's value under any scale.
 
-    The errors of a tail sum are at most those of its shares together, or of the others.
+    The error of a tail sum is at most the sum of its shares' errors, or of the other shares'
+    errors.
 
     Parameters
     ----------
@@ -63,9 +64,6 @@ def greatest_error(errors: ArrayLike, k: int) -> float:
 def greatest_loss(d: Floats, comparator: Comparator) -> tuple[float, Floats, float]:
     """Return the greatest d.e over differences and plausible scales, and the confidence in it.
 
-    If the scales are drawn, ``loss`` is the quantile, at the comparator's level, of the greatest
-    under each scale.
-
     Parameters
     ----------
     d : (n, k)
@@ -74,7 +72,8 @@ def greatest_loss(d: Floats, comparator: Comparator) -> tuple[float, Floats, flo
     Returns
     -------
     loss : float
-        In units of e_k - e_1.
+        In units of e_k - e_1. If the scales are drawn, it is a quantile, at the comparator's level,
+        of the greatest d.e under each scale.
     each : (n,)
         The greatest of each difference over all plausible scales.
     confidence : float
@@ -97,7 +96,7 @@ def guarantee_of(
     comparator: Comparator,
     gap: float | None,
 ) -> Guarantee:
-    """Return the guarantee of the policy of this number, if no training ended beyond the gap.
+    """Return the guarantee of the policy of this number, if the gap is not refuted.
 
     Parameters
     ----------
@@ -113,7 +112,7 @@ def guarantee_of(
     Returns
     -------
     Guarantee
-        nan if there is no policy or no gap, or if the gap is seen not to hold.
+        nan if there is no policy or no gap, or if the policies refute the gap.
     """
     if at is None or gap is None or is_broken(policies, gap):
         return Guarantee(np.nan, np.nan)
@@ -132,9 +131,10 @@ def guarantee_of(
 
 
 def _excesses(policies: Sequence[TrainedPolicy]) -> tuple[Floats, Floats]:
-    """Return by how much each policy beats each trained one (n, j), and the errors of both.
+    """Return (n, j) excesses of policies over trained ones, and the errors of both.
 
-    The comparison is at the scale of the latter.
+    An excess is the value of policy n minus that of trained policy j, at the scale j was trained
+    on. The errors (n, j) are the sum of both policies' errors.
     """
     shares, errors = (
         np.array([policy.shares for policy in policies]),
@@ -147,18 +147,16 @@ def _excesses(policies: Sequence[TrainedPolicy]) -> tuple[Floats, Floats]:
 
 
 def observed_gap(policies: Sequence[TrainedPolicy]) -> float:
-    """Return the most by which a policy beats a trained one at the latter's scale, at least 0."""
+    """Return the greatest excess of a policy over a trained one at its scale, at least 0."""
     if all(policy.trained_on is None for policy in policies):
         return 0.0
     return max(0.0, float(_excesses(policies)[0].max()))
 
 
 def is_broken(policies: Sequence[TrainedPolicy], gap: float) -> bool:
-    """Return whether a policy beats a trained one by more than gap and errors.
+    """Return whether a policy beats a trained one by more than the gap and the errors of both.
 
-    It is compared at the trained one's scale.
-
-    The errors are those of both policies.
+    They are compared at the trained one's scale.
     """
     if all(policy.trained_on is None for policy in policies):
         return False

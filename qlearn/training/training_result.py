@@ -34,19 +34,19 @@ class TrainingResult:
 
     Attributes
     ----------
-    policy
+    policy : object
         The best policy at the comparator's central scale, None before the first.
     shares : (k,)
         Its shares.
     asked : int
-        Number of questions told, without audits.
+        Number of questions answered, without audits.
     trained : int
         Number of policies trained on a scale that ``InteractiveTraining`` gave.
-    policies
+    policies : tuple of TrainedPolicy
         All policies that were added, in order.
     observed_gap : float
-        The most by which a policy beat another one at the scale that the latter was trained on. At
-        least that training fell short of its optimum by so much.
+        The most by which a policy beat another one at the scale that the latter was trained on.
+        That training fell short of its optimum by at least so much.
     """
 
     policy: Any

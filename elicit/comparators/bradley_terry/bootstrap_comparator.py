@@ -1,8 +1,8 @@
 """The noisy-tutor comparator of section 3.2: a Bradley-Terry fit and its bootstrap.
 
-Eq. (6) and (7), with a stated prior, are fitted to the answers as told and to m resamples of them.
-A comparison is decided only if all plausible fits agree on its sign. Plausible is either the
-paper's box, which is an interval for each level, or the ensemble of the fits themselves.
+Eq. (6) and (7), with a stated prior, are fitted to the given answers and to m resamples of them. A
+comparison is decided only if all plausible fits agree on its sign. The plausible fits are either
+the paper's box, which is an interval for each level, or the ensemble of the fits themselves.
 
 These parts are not the paper's: the prior (without one, early fits lie at infinity), gaps >= 0
 (``monotone``), ties (``tie``), dominance first, ``region="ensemble"``, ``min_answers``, and refits
@@ -46,14 +46,14 @@ Region = Literal["box", "ensemble"]
 NoMaximum = Literal["ask", "take"]
 _LARGE = (
     2.0**900
-)  # differences beyond it or below its inverse are scaled, so that no sum overflows or vanishes
+)  # larger differences, or smaller than its inverse, are scaled lest sums overflow or vanish
 
 
 class NotConverged(RuntimeWarning):
     """Warning that some fit found no maximum, and decides nothing.
 
-    With ``prior_strength=0`` there are two causes: some scale explains the answers without error,
-    or no answer touches some levels.
+    With ``prior_strength=0`` there are two causes. Either some scale explains the answers without
+    error, or no answer touches some levels.
     """
 
 
@@ -185,7 +185,7 @@ class BradleyTerryComparator:
         after = copy.copy(self)
         object.__setattr__(after, "answers", self.answers + answers)
         if after.fitted_answers != self.fitted_answers:
-            after.__dict__.pop("_model", None)  # else the rows are the same, and so is the fit
+            after.__dict__.pop("_model", None)  # otherwise the rows are the same, and so is the fit
         return after
 
     @property
@@ -209,7 +209,7 @@ class BradleyTerryComparator:
         return self._model.converged
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Return verdicts on differences.
+        """Return verdicts (n,) on differences (n, k).
 
         Dominance decides first, unless it is switched off. Beyond it a verdict is BETTER or WORSE
         if the whole region agrees.
@@ -269,10 +269,10 @@ class BradleyTerryComparator:
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
         """Return upper bounds on d.e / e_k that hold for all rows at once, and their confidence.
 
-        They are the greatest d.e over the fits, after the share 1 - ``level`` of the fits with the
-        greatest d.e of any row is left out. If the model is inconclusive, and for the box, whose
-        levels are not bounded together, the bounds are those over every ordered scale, at
-        confidence 1.
+        They are the greatest d.e over the fits. The share 1 - ``level`` of the fits, those with the
+        greatest d.e of any row, is left out. If the model is inconclusive, the bounds are those
+        over every ordered scale, at confidence 1. The same goes for the box, whose levels are not
+        bounded together.
 
         Returns
         -------
@@ -292,8 +292,8 @@ class BradleyTerryComparator:
     def draws(self) -> Draws | None:
         """The fits as equally likely scales, each with its own precision, or None.
 
-        It is None if the model is inconclusive, for the box, and if a fit has no scale (theta_k <=
-        0).
+        It is None in three cases: the model is inconclusive, the region is a box, or a fit has no
+        scale (theta_k <= 0).
         """
         region = self._model.region
         if not isinstance(region, _Ensemble) or not (region.gaps.sum(axis=0) > 0).all():
@@ -305,7 +305,7 @@ class BradleyTerryComparator:
         """Return bounds on P(left is better) and its point estimate, eq. (6), at the fitted theta.
 
         s_min > 1/2 goes with BETTER. If the model is inconclusive, the range is 0 to 1, or 1/2 at
-        an end that dominance rules out, and the point is that of the prior's equal gaps.
+        an end that dominance rules out. Then the point is that of the prior's equal gaps.
 
         Parameters
         ----------
@@ -370,8 +370,7 @@ class BradleyTerryComparator:
         top = float(theta[-1])
         found = boot.converged | taken
         usable = found & (thetas[:, -1] > 0) if self.rescale else found
-        # A fit that is missing could lie anywhere: it takes the place of one left out at either
-        # end.
+        # A missing fit could lie anywhere: it takes the place of one left out at either end.
         cut = min(math.floor((1.0 - self.level) / 2.0 * m + 1e-9), (m - 1) // 2) - int(
             m - usable.sum()
         )
@@ -388,9 +387,7 @@ class BradleyTerryComparator:
         return _FittedModel(np.concatenate([[0.0], theta / top]), top, region, converged)
 
     def _warn(self, n: int, lost: int, point: bool) -> None:
-        """Warn of resamples of n answers without a maximum, and perhaps of the answers
-        themselves.
-        """
+        """Warn that resamples of n answers, and perhaps the answers themselves, have no maximum."""
         text = f"no maximum found for {lost} of {self.n_boot} resamples of {n} answers"
         text += "" if point else ", nor for the answers themselves"
         text += ": a prior_strength above 0 gives each fit one" if self.prior_strength == 0 else ""
@@ -433,9 +430,7 @@ class _Box:
 
     @staticmethod
     def around(scales: Floats, point: Floats, cut: int) -> _Box:
-        """Return percentile intervals of each column of scales (m, p), widened to hold the point
-        (p,).
-        """
+        """Return percentile intervals of each column of scales (m, p), widened to hold point."""
         ordered = np.sort(scales, axis=0)
         return _Box(
             np.minimum(ordered[cut], point), np.maximum(ordered[len(scales) - 1 - cut], point)
@@ -460,8 +455,9 @@ def refit_point(n: int, growth: float) -> int:
 
 
 def next_refit(n: int, growth: float) -> int:
-    """Return the smallest number r_i > n at which a fit is made, by the schedule of
-    ``refit_point``.
+    """Return the smallest number r_i > n at which a fit is made.
+
+    The schedule is that of ``refit_point``.
     """
     if (n + 1) * growth <= 1:
         return n + 1
@@ -471,7 +467,7 @@ def next_refit(n: int, growth: float) -> int:
 
 @lru_cache(maxsize=64)
 def _refits(growth: float, beyond: int) -> tuple[int, ...]:
-    """Return the schedule from where its steps exceed one, up to ``beyond``."""
+    """Return the part of the schedule whose steps exceed one, up to ``beyond``."""
     points = [max(1, int(1 / growth))]
     while points[-1] <= beyond:
         points.append(points[-1] + max(1, math.ceil(points[-1] * growth)))

@@ -1,8 +1,8 @@
 """The density of a particle: prior times likelihood, in compiled code.
 
 The first p coordinates of a particle x give theta = exp(x) = c g. If the lapse is learned, its
-logit follows (see ``slips``). If the width is learned within which the tutor calls two things
-equal, the last coordinate is its logit, as a share of its greatest.
+logit follows (see ``slips``). The tutor may call equal two things that are close. If the width of
+"close" is learned, the last coordinate is its logit, as a share of the greatest width.
 
 With a width w an answer is one of three (Rao and Kupper 1967). P(better) = sigma(c d.e - c w), and
 P(worse) is the same of -d. P(equal) is the rest, (1 - exp(-2 c w)) sigma(c w - c d.e) sigma(c w + c
@@ -33,11 +33,11 @@ class ParticlePrior(NamedTuple):
     """Prior of a particle.
 
     The log density of the gaps g is that of a mixture over shapes a of Dirichlet(a), in S = sum log
-    g. The precision has log c ~ N(mean, sd^2); ``fixed`` > 0 is a known precision, and then the
-    level of x means nothing. The lapse is ``lapse``. If that is negative, the lapse is a
-    coordinate: LEAST_LAPSE or more, and Beta(a, b) a priori otherwise. If ``tie`` > 0, the width is
-    a coordinate, uniform up to ``tie`` a priori. Gaps, precision and lapse may instead be those of
-    one of some kinds of earlier people.
+    g. The precision has log c ~ N(mean, sd^2). If ``fixed`` > 0, it is the known precision, and the
+    level of x means nothing. If ``lapse`` >= 0, it is the known lapse. If it is negative, the lapse
+    is a coordinate: LEAST_LAPSE or more, and Beta(a, b) a priori otherwise. If ``tie`` > 0, the
+    width is a coordinate, uniform up to ``tie`` a priori. Gaps, precision and lapse may instead be
+    those of a kind of earlier people.
     """
 
     shapes: Floats  # (nodes,), at most BLOCK
@@ -51,8 +51,8 @@ class ParticlePrior(NamedTuple):
     tie: float
     above: Floats  # (r, p) rows with row.g >= limits
     limits: Floats  # (r,)
-    general: float  # log weight of the law above beside ``kinds``, with its constants
-    kinds: Floats  # (q, 5 + p) see ``among_kinds``; q = 0: the law above is all of the prior
+    general: float  # log weight of the general law beside ``kinds``, with its constants
+    kinds: Floats  # (q, 5 + p) see ``among_kinds``; if q = 0, the general law is the whole prior
 
 
 @compiled
@@ -188,7 +188,7 @@ def log_likelihood(
     total = 0.0
     for start in range(first, end, BLOCK):
         size = min(BLOCK, end - start)
-        if size == BLOCK:  # the other branch's call, with a length that the compiler knows
+        if size == BLOCK:  # the same call with a length that the compiler knows
             logits(theta, rows, start, BLOCK, work[0])
         else:
             logits(theta, rows, start, size, work[0])
@@ -224,8 +224,8 @@ def log_terms(work: Any, tied: Any, lapse: float) -> float:
     """Return the sum of one block's terms, one for each entry of ``tied``.
 
     The first row of ``work`` (2, BLOCK) holds eta, and is overwritten. sigma(eta) is 1 or
-    exp(-|eta|), over 1 + exp(-|eta|). Products of both need few logarithms, and multiplying by
-    halves needs few steps.
+    exp(-|eta|), divided by 1 + exp(-|eta|). Taking products of both first needs few logarithms, and
+    multiplying by halves needs few steps.
     """
     above, below, size, ties, far = work[0], work[1], len(tied), 0, 0
     for i in range(size):
@@ -302,9 +302,10 @@ def log_quotient(above: Any, below: Any, size: int, low: float) -> float:
 def log_term(eta: float, tied: bool, lapse: float, width: float) -> float:
     """Return the log-probability of an answer of logit eta, at most 0.
 
-    Without a width it is log(lapse/2 + (1 - lapse) sigma(eta)), and if ``tied`` the mean of that
-    and of its opposite's. With a width > 0 it is log(lapse/3 + (1 - lapse) sigma(eta - width)), and
-    if ``tied`` the logarithm of the probability that this and its opposite's leave of 1.
+    Without a width it is log(lapse/2 + (1 - lapse) sigma(eta)). If ``tied``, it is the mean of that
+    and of the opposite answer's. With a width > 0 it is log(lapse/3 + (1 - lapse) sigma(eta -
+    width)). If ``tied``, it is the logarithm of the probability that this answer and its opposite
+    leave of 1.
     """
     if width > 0.0:
         eta, top = width - abs(eta) if tied else eta - width, 0.0
@@ -329,9 +330,9 @@ def log_term(eta: float, tied: bool, lapse: float, width: float) -> float:
 def exp_of_minus(u: Any) -> Any:
     """Return exp(-u) for u in 0..60.
 
-    The relative error is a few parts in 10^14 if the result is above 1e-8, and in 10^11 below. It
-    is exp(-u/256) by Taylor's series, squared eight times, without branches, for code that treats
-    several u at once.
+    The relative error is a few parts in 10^14 if the result is above 1e-8, and in 10^11 below. The
+    method is Taylor's series of exp(-u/256), squared eight times. It has no branches, for code that
+    treats several u at once.
     """
     v = u * (-1.0 / 256.0)
     e = 1.0 / 40320.0 + v * (1.0 / 362880.0)

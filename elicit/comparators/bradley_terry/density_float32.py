@@ -1,12 +1,12 @@
 """Likelihoods in single precision, which decide nearly all proposals.
 
-They save a tenth of the time at 50 answers, and half or more at 300 and beyond
+They save a tenth of the CPU time at 50 answers, and half or more at 300 and beyond
 (benchmarks/RESULTS-single-precision.md).
 
-No decision depends on their rounding. Each comes with a bound on its error, and a proposal that is
-closer than that is left to double precision. So the rows may come in any order. Those that
-particles find hard to explain come first, and a bad proposal is rejected after few of them. Rows
-are filled up to whole blocks, so that every loop has a length that the compiler knows.
+No decision depends on their rounding. Each comes with a bound on its error. A proposal that is
+closer than that to its limit is left to double precision. So the rows may come in any order. Those
+that particles find hard to explain come first, and a bad proposal is rejected after few of them.
+Rows are padded to whole blocks, so that every loop has a length that the compiler knows.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ ROUNDING = 2.0**-24  # relative rounding error of a number in single precision
 TERM = 1e-5  # maximum error of a log-term, excluding the error inherited from its logit
 GREATEST = 1e30  # largest theta: single precision overflows not far above
 HALF = BLOCK // 2
-# smaller products are stored as logarithms; from that lapse on half a block's is not smaller
+# smaller products are stored as logarithms; from LEAST_LAPSE on half a block's is not smaller
 SMALL = 1e-150
 CLASSES, WIDTH, LOWEST = (
     64,
@@ -45,23 +45,22 @@ _C2, _C3, _C4, _C5, _C6, _C7 = (np.float32(1.0 / math.factorial(i)) for i in ran
 
 
 class Rough(NamedTuple):
-    """Rows in single precision, in an order of their own, filled with zeros up to whole blocks."""
+    """Single-precision rows, reordered, zero-padded to whole blocks."""
 
     rows: Any  # (p, n), single precision
     tied: Any  # (n,)
-    sums: Any  # (p,) of the sizes in each column
+    sums: Any  # (p,) sum of the absolute values in each column of rows
     ties: Any  # (n / BLOCK,) number of ties in each block
     theta: Any  # (p,), single precision, to write in
-    n: int  # without the zeros
+    n: int  # number of rows without the padding
 
 
 @compiled
 def hardest_first(x: Any, rows: Any, tied: Any, n: int, prior: ParticlePrior) -> Any:
-    """Return the order (n,) of the first n of rows (p, >= n) by difficulty for particles x (m, >=
-    p).
+    """Return the order (n,) of the first n of rows (p, >= n), hardest to explain first.
 
-    Rows that are ``tied`` come first. The others follow by their logits at the particles' mean
-    theta, to within ``WIDTH``, the least first.
+    Rows that are ``tied`` come first. The others follow by their logits at the mean theta of
+    particles x (m, >= p), to within ``WIDTH``, the least first.
     """
     p, m = len(rows), len(x)
     theta, mean, eta = np.empty(p), np.zeros(p), np.zeros(n)
@@ -86,7 +85,7 @@ def hardest_first(x: Any, rows: Any, tied: Any, n: int, prior: ParticlePrior) ->
 
 @compiled
 def roughened(rows: Any, tied: Any, order: Any) -> Rough:
-    """Return the entries of rows (p, n) and of ``tied`` that are in ``order``."""
+    """Return the rows (p, n) and ``tied`` (n,) in the order ``order``, as ``Rough`` has them."""
     p, n, whole = len(rows), len(order), (len(order) + BLOCK - 1) // BLOCK * BLOCK
     out, ties, sums = np.zeros((p, whole), np.float32), np.zeros(whole, np.bool_), np.zeros(p)
     counts = np.zeros(whole // BLOCK, np.int64)
@@ -120,8 +119,8 @@ def rough_likelihood(
 ) -> float:
     """Return ``log_likelihood`` of theta (p,) to within ``error``.
 
-    It may be too great by more if the lapse is below ``LEAST_LAPSE``, for a term is never less than
-    exp(-``_NEAR``). It is -inf as soon as it must be below ``least``. ``small`` (2, BLOCK), in
+    If the lapse is below ``LEAST_LAPSE``, it may be too great by more, since a term is never less
+    than exp(-``_NEAR``). It is -inf as soon as it must be below ``least``. ``small`` (2, BLOCK), in
     single precision, is overwritten.
     """
     whole, gone, share = len(rough.tied), 0.0, 1.0
@@ -152,8 +151,9 @@ def rough_likelihood(
 
 @loosely
 def rough_terms(small: Any, lapse: float) -> None:
-    """Write one block's terms (see ``density.log_terms``) over eta in small[0] of small (2,
-    BLOCK).
+    """Write one block's terms over eta in the first row of ``small`` (2, BLOCK).
+
+    See ``density.log_terms``.
     """
     above, below = small[0], small[1]
     half, sure = np.float32(0.5 * lapse), np.float32(1.0 - lapse)
@@ -166,8 +166,9 @@ def rough_terms(small: Any, lapse: float) -> None:
 
 @loosely
 def rough_ties(small: Any, tied: Any, lapse: float) -> None:
-    """Write one block's terms for rows that are ``tied`` (BLOCK,), as ``rough_terms`` for
-    others.
+    """Write one block's terms for the rows that are ``tied`` (BLOCK,).
+
+    ``rough_terms`` writes those of the others.
     """
     above, below = small[0], small[1]
     half, sure = np.float32(0.5 * lapse), np.float32(1.0 - lapse)
@@ -209,8 +210,9 @@ def product(terms: Any) -> float:
 
 @loosely
 def rough_exp(u: Any) -> Any:
-    """Return exp(-u) for u in 0..25 in single precision, as ``small_exp``: to 4e-6 of itself up to
-    15.
+    """Return exp(-u) for u in 0..25 in single precision, as ``small_exp`` does.
+
+    The relative error is at most 4e-6 for u up to 15.
     """
     v = u * _PART
     e = _C6 + v * _C7

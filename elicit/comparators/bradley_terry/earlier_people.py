@@ -1,12 +1,12 @@
-"""A prior from earlier people: which scales, precisions and lapses are common among them.
+"""A prior from earlier people: the scales, precisions and lapses that are common among them.
 
 People are of a few kinds. A kind has a Dirichlet law of the gaps, a normal law of log c, and a Beta
-law of the lapse. They are fitted by expectation-maximisation to particles of each person's own
-posterior, which are weighted anew in each step by how likely they are among the kinds. So one
-person learns from the others, and an unsteady person says little.
+law of the lapse. Expectation-maximisation fits these laws to particles of each person's own
+posterior. Each step weighs the particles anew by how likely they are among the kinds. So one person
+learns from the others, and an unsteady person counts little.
 
-The next person may be like nobody before. So the general prior keeps a share of the weight that
-falls with the number of people: ``NEWCOMERS / (NEWCOMERS + people)``, as in Blackwell and
+The next person may be unlike everybody before. So the general prior keeps a share of the weight
+that falls with the number of people: ``NEWCOMERS / (NEWCOMERS + people)``, as in Blackwell and
 MacQueen's (1973) urn.
 """
 
@@ -23,12 +23,18 @@ from elicit.model.scale import Floats
 NEWCOMERS = 4.0
 """Number of people that the general prior counts as."""
 
-MOST_KINDS, PEOPLE_A_KIND = 3, 12  # one kind more for each so many people
-DEALS, FIRST_STEPS = 10, 8  # of people into kinds at the start, and steps with each deal
-STEPS = 30  # of expectation-maximisation, with the likeliest
-NEWTON = 40  # steps of a fit of a Dirichlet law
-DIGITS = 4  # of fitted parameters: processors differ in the last of sixteen
-LEAST_SD = 0.1  # of log c within a kind
+MOST_KINDS, PEOPLE_A_KIND = (
+    3,
+    12,
+)  # largest number of kinds, and the people needed for each further one
+DEALS, FIRST_STEPS = (
+    10,
+    8,
+)  # random deals of people into kinds at the start, and steps with each deal
+STEPS = 30  # steps of expectation-maximisation from the likeliest deal
+NEWTON = 40  # Newton steps of a fit of a Dirichlet law
+DIGITS = 4  # digits of fitted parameters: processors differ in the last of sixteen
+LEAST_SD = 0.1  # least standard deviation of log c within a kind
 _LEAST_LAPSE = 1e-4
 
 
@@ -53,9 +59,10 @@ class Kind(NamedTuple):
 
 
 class EarlierPeople(NamedTuple):
-    """What earlier people's answers say of the next person.
+    """The prior knowledge about the next person, from earlier people's answers.
 
-    ``people`` is their number, ``answers`` that of their answers, ``kinds`` what they are like.
+    ``people`` is their number, ``answers`` the number of their answers, and ``kinds`` the kinds
+    that they belong to.
     """
 
     people: int
@@ -64,7 +71,7 @@ class EarlierPeople(NamedTuple):
 
     @property
     def newcomer(self) -> float:
-        """The weight of the general prior: the next person may be like none of them."""
+        """The weight of the general prior, for a next person who is like none of them."""
         return NEWCOMERS / (NEWCOMERS + self.people)
 
     def rows(self, learns_lapse: bool) -> Floats:
@@ -83,7 +90,7 @@ class EarlierPeople(NamedTuple):
 
 
 def _constant(kind: Kind, learns_lapse: bool) -> float:
-    """Return the log of the constants of a kind's laws, but for that of a standard normal."""
+    """Return the log of the constants of a kind's laws, without that of a standard normal."""
     shapes = np.array(kind.shapes)
     found = gammaln(shapes.sum()) - gammaln(shapes).sum() - np.log(kind.log_precision_sd)
     if learns_lapse:
@@ -99,23 +106,23 @@ def learned_from(
     learns_lapse: bool,
     seed: int,
 ) -> EarlierPeople:
-    """Return what the particles of some people have in common.
+    """Return the kinds of people that explain the particles of some people.
 
     Parameters
     ----------
     people : list of OwnParticles
-        One a person, of as many particles each.
+        One for each person, all with the same number of particles.
     answers : int
         Number of their answers.
     general : callable
-        The log density of the general prior (n,) at particles, in the measure of
-        ``Kind``'s laws, without the constant of a standard normal.
+        The log density of the general prior (n,) at particles, in the measure of ``Kind``'s laws,
+        without the constant of a standard normal.
     least_shape : float
         Least parameter of a Dirichlet law.
     learns_lapse : bool
-        If not, the lapse is known, and no part of a kind.
+        If False, the lapse is known, and no part of a kind.
     seed : int
-        Deals the people into kinds, from which the fit begins ``DEALS`` times.
+        Seed of the random deals of people into kinds, from which the fit begins ``DEALS`` times.
 
     Returns
     -------
@@ -181,7 +188,7 @@ def _log_density(kind: Kind, at: OwnParticles, learns_lapse: bool) -> Floats:
 
 
 def _fitted(at: OwnParticles, held: Floats, least_shape: float, learns_lapse: bool) -> list[Kind]:
-    """Return the likeliest kinds, of particles held by weights (kinds, n)."""
+    """Return the likeliest kinds, given the particles' weights (kinds, n) in each."""
     kinds, most = [], held.sum()
     for part in held:
         total = part.sum()
@@ -193,7 +200,7 @@ def _fitted(at: OwnParticles, held: Floats, least_shape: float, learns_lapse: bo
         if learns_lapse:
             logs = np.array([part @ np.log(at.lapse), part @ np.log1p(-at.lapse)])
             lapse = tuple(dirichlet_fit(logs).tolist())
-        # one person's worth of weight, dealt to all kinds, so that none dies out
+        # one person's worth of weight is spread over all kinds, so that none dies out
         share = (total + 1.0 / len(held)) / (most + 1.0)
         kinds.append(Kind(float(share), tuple(shapes.tolist()), mean, sd, *lapse))
     return kinds
@@ -222,7 +229,7 @@ def dirichlet_fit(mean_logs: Floats) -> Floats:
 
 
 def _rounded(kind: Kind) -> Kind:
-    """Return a kind with few digits."""
+    """Return a kind with its numbers rounded to ``DIGITS`` digits."""
     return Kind(
         _short(kind.share), tuple(_short(shape) for shape in kind.shapes), *map(_short, kind[2:])
     )
@@ -235,13 +242,13 @@ def _short(number: float) -> float:
 def drawn(
     earlier: EarlierPeople, rng: np.random.Generator, m: int
 ) -> tuple[Floats, list[tuple[Floats, Floats, Floats]]]:
-    """Return which kind each of m people is, -1 for none, and each kind's draws.
+    """Return the kind of each of m people, -1 for none, and each kind's draws.
 
     Returns
     -------
     kinds : (m,)
     draws : list of (log_gaps (q, p), log_c (q,), lapse (q,))
-        One a kind, with as many rows as there are people of the kind.
+        One for each kind, with as many rows as there are people of the kind.
     """
     bounds = earlier.newcomer + (1.0 - earlier.newcomer) * np.cumsum(
         [0.0, *(kind.share for kind in earlier.kinds)]

@@ -93,7 +93,7 @@ def derivatives(
 
 
 def _blocks(m: int, n: int) -> list[slice]:
-    """Return the n answers in blocks for which a working array of m problems stays in the cache."""
+    """Return slices of the n answers for which arrays of m problems stay in the cache."""
     size = min(max(64, _BLOCK // max(1, m)), _ROWS)
     return [slice(i, i + size) for i in range(0, n, size)]
 
@@ -101,7 +101,7 @@ def _blocks(m: int, n: int) -> list[slice]:
 def outer_rows(t: Floats) -> Floats:
     """Return upper triangles (n, p(p+1)/2) of the outer product of each row of t with itself.
 
-    With them the Hessians of all resamples are one matrix product.
+    They turn the Hessians of all resamples into one matrix product.
     """
     n, p = t.shape
     products, first = np.empty((n, p * (p + 1) // 2)), 0
@@ -132,7 +132,7 @@ class _Problems:
     strength: float
     monotone: bool
     equal: Floats  # (m,) number of ties with a probability of their own
-    width: float  # of these, in logits for gaps that total 1
+    width: float  # width of such ties, in logits for gaps that total 1
 
     def loss(self, u: Floats) -> Floats:
         """Return the loss (m,) to minimise: minus eq. (7), plus the ridge."""
@@ -166,7 +166,7 @@ class _Problems:
     def project(self, u: Floats) -> Floats:
         """Return the nearest admissible point.
 
-        Gaps may not be negative unless the fit is the literal one.
+        If ``monotone``, no gap is negative.
         """
         return np.maximum(u, 0.0) if self.monotone else u
 
@@ -185,8 +185,9 @@ def fit(
     monotone: bool = True,
     tie: float = 0.0,
 ) -> Fit:
-    """Maximise eq. (7) less (strength / 2) sum_j (gamma_j / precision - centre_j)^2, m times at
-    once.
+    """Fit m penalised likelihoods at once.
+
+    Each maximises eq. (7) less (strength / 2) sum_j (gamma_j / precision - centre_j)^2.
 
     Parameters
     ----------
@@ -199,9 +200,9 @@ def fit(
     centre : (m, p)
         The prior's centre, in gaps that total 1.
     strength : float
-        Of the prior. With 0 the maximum may lie at infinity, if some scale explains the answers
-        without error, or not be unique, if no answer touches some levels. Both leave a direction
-        without curvature, and are reported as not converged.
+        Strength of the prior. With 0 the maximum may lie at infinity, if some scale explains the
+        answers without error. It may not be unique, if no answer touches some levels. Both leave a
+        direction without curvature, and are reported as not converged.
     weights : (m, n), optional
         Number of times that each resample holds each answer. Default: once.
     start : (p,) or (m, p), optional
@@ -281,8 +282,8 @@ def _step(
     diagonal += 1e-12 * diagonal.max(axis=1, keepdims=True) + 1e-300  # solvable where strength is 0
     held = np.zeros(u.shape, dtype=np.bool_)
     if problems.monotone:
-        # Gaps at (nearly) 0 that the gradient pushes down step on their own, so that the projected
-        # Newton step of the others still descends; the margin shrinks as the fit converges.
+        # Gaps at (nearly) 0 that the gradient pushes down step on their own. So the others'
+        # projected Newton step still descends. The margin shrinks as the fit converges.
         reach = np.abs(u - problems.project(u - gradient / diagonal)).max(axis=1, keepdims=True)
         held = (u <= np.minimum(reach, _NEAR)) & (gradient > 0)
         hessian = np.where(
@@ -306,8 +307,9 @@ def _step(
 
 
 def _flat(problems: _Problems, u: Floats) -> NDArray[np.bool_]:
-    """Return for each problem (m,) whether u is no maximum, because an admissible direction is
-    flat.
+    """Return for each problem (m,) whether some admissible direction at u is flat.
+
+    Then u is no unique maximum.
     """
     most = problems.weights @ outer_rows(problems.x) / 4.0  # no logistic curvature exceeds 1/4
     scale = np.sqrt(np.einsum("mjj->mj", _symmetric(most, u.shape[1])))
@@ -323,7 +325,7 @@ def _flat(problems: _Problems, u: Floats) -> NDArray[np.bool_]:
 
 
 def bootstrap_weights(key: int, m: int, n: int) -> Floats:
-    """Return how often each of m resamples holds each of n answers.
+    """Return the number of times that each of m resamples holds each of n answers.
 
     A resample is n draws with replacement. The result is a function of the key and n alone.
 

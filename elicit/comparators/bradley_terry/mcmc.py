@@ -50,8 +50,8 @@ def move(
     """Propose moves for each particle x (m, >= p) in turn, ``turns`` times over, in place.
 
     The moves leave the density of ``log_prior`` and ``powered`` invariant. Single precision decides
-    unless its errors could change the decision. Returns the number of accepted moves, without those
-    that led nowhere.
+    unless its errors could change the decision. Return the number of accepted moves that changed a
+    particle.
     """
     p, (m, size) = len(rows), x.shape
     proposal, theta, work, small = (
@@ -117,9 +117,9 @@ def step(x: Any, i: int, p: int, proposal: Any, h: Any) -> bool:
     """Write a proposal for particle i, a step along the difference of two others.
 
     The step changes all coordinates, a few neighbouring ones, or the tutor's parameters alone. The
-    latter changes the precision by a multiple of the difference of the greatest of the others'
-    first p coordinates, and the coordinates beyond. Returns False if the two others do not differ
-    there.
+    last kind changes the coordinates after the first p by a multiple of the difference. It changes
+    the precision by the same multiple of the difference of the two particles' greatest coordinates
+    among the first p. Return False if the two others do not differ there.
     """
     m, size = x.shape
     a = int(unit(mix(h, 2)) * (m - 1))
@@ -155,11 +155,11 @@ def step(x: Any, i: int, p: int, proposal: Any, h: Any) -> bool:
 
 @compiled
 def swap(x: Any, i: int, p: int, proposal: Any, h: Any) -> bool:
-    """Write a proposal for particle i, with the greatest of some neighbouring gaps (of p)
-    exchanged.
+    """Write a proposal for particle i with two of its p gaps exchanged.
 
-    It is exchanged for another of them. The prior is invariant to their order, so that only answers
-    can tell them apart. Returns False if both are equal.
+    One is the greatest of some neighbouring gaps, and the other is another of these. The prior is
+    invariant to the order of the gaps, so that only answers can tell them apart. Return False if
+    both are equal.
     """
     first, count = int(unit(mix(h, 2)) * p), 2 + int(unit(mix(h, 3)) * (p - 1))
     best = first

@@ -1,9 +1,9 @@
-"""``mcmc.move`` in NumPy, with the same particles to the last bit, until that is compiled.
+"""``mcmc.move`` in NumPy, for use until that is compiled, with identical results.
 
 A particle's proposal needs others as they are in its turn: those before it moved, those after it
-not yet. So particles are moved in groups. Each is in the first group by which all that it needs of
-those before it has moved. Five hundred particles make some ten groups. Every sum has the order of
-the compiled code, and logarithms are those of ``math``.
+not yet. So particles are moved in groups. Each is in the first group that comes after all the
+particles it needs. Five hundred particles make some ten groups. Every sum has the order of the
+compiled code, and logarithms are those of ``math``.
 """
 
 from __future__ import annotations
@@ -91,8 +91,8 @@ def move(
 def _groups(a: Any, b: Any, alone: Any) -> list[Any]:
     """Return the numbers of particles (m,) in groups that can move together.
 
-    Each is in a group after those of a and b (m,) that come before it. ``alone`` marks the
-    particles that need neither.
+    A particle's group comes after those of its a and b (m,), if they precede it. ``alone`` marks
+    the particles that need neither.
     """
     level: list[int] = []
     for i, (one, other, needs_none) in enumerate(
@@ -104,8 +104,9 @@ def _groups(a: Any, b: Any, alone: Any) -> list[Any]:
 
 
 def steps(x: Floats, a: Floats, b: Floats, p: int, u: list[Floats]) -> tuple[Floats, Any]:
-    """Return the proposals of ``mcmc.step`` for particles x (q, size), and whether they lead
-    anywhere.
+    """Return the proposals of ``mcmc.step`` for particles x (q, size), and flags (q,).
+
+    A flag is False if the proposal leads nowhere.
     """
     size, apart = x.shape[1], np.zeros(len(x))
     count = np.where(u[4] < WHOLE, size, np.minimum(size, 1 + (u[5] * FEW).astype(np.int64)))
@@ -129,8 +130,9 @@ def steps(x: Floats, a: Floats, b: Floats, p: int, u: list[Floats]) -> tuple[Flo
 
 
 def exchanges(x: Floats, p: int, u: list[Floats]) -> tuple[Floats, Any]:
-    """Return the proposals of ``mcmc.swap`` for particles x (q, size), and whether they lead
-    anywhere.
+    """Return the proposals of ``mcmc.swap`` for particles x (q, size), and flags (q,).
+
+    A flag is False if the proposal leads nowhere.
     """
     each, first = np.arange(len(x)), (u[2] * p).astype(np.int64)
     count = 2 + (u[3] * (p - 1)).astype(np.int64)

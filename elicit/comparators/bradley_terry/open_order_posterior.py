@@ -1,7 +1,7 @@
-"""A posterior over scales of which one step of the order is open, for tutors who may err.
+"""A posterior over scales with one open step of the order, for tutors who may err.
 
-It is a posterior for each of the two orders. How likely each order is follows from how well it
-foretold the answers: a priori both are as likely.
+It holds a posterior for each of the two orders. A priori both orders are equally likely. The
+answers make the order likelier whose posterior predicted them better.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from elicit.model.difference import as_differences, tail_sums
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats, dot
 
-_LEAST = 1e-12  # chance of an answer, below which no order is thought to have foretold it
+_LEAST = 1e-12  # a smaller predictive probability of an answer counts as this
 
 
 class _OrderPosterior(NamedTuple):
@@ -46,10 +46,10 @@ class _OrderPosterior(NamedTuple):
 
 
 class OpenOrderPosterior:
-    """A posterior over scales, whichever of two neighbouring levels is the better.
+    """A posterior over scales in which either of two neighbouring levels may be the better.
 
     It decides a difference if one sign of d.e has posterior probability ``level``, over both
-    orders. Dominance alone decides nothing, for it depends on the order. ``elicit.choose`` and
+    orders. Dominance alone decides nothing, because it depends on the order. ``elicit.choose`` and
     ``qlearn.InteractivePolicyIteration`` take it. Other learners need the levels in a fixed order,
     and refuse it. The comparator is a frozen value. ``elicit.Comparator`` says what its methods
     take and return.
@@ -78,9 +78,10 @@ class OpenOrderPosterior:
     Notes
     -----
     The weight of an order is 1/2 times the product of the probabilities that its posterior gave to
-    each answer before it was told (a Bayes factor). "Equal" counts as half an answer each way. A
+    each answer before it was given (a Bayes factor). "Equal" counts as half an answer each way. A
     scale is normalised so that its worst level is worth 0 and its best 1, whichever level is the
-    worst. What two vectors differ by in total counts as time at level 1, as everywhere.
+    worst. If two vectors differ in their totals, the difference counts as time at level 1, as
+    everywhere.
 
     Examples
     --------
@@ -127,7 +128,7 @@ class OpenOrderPosterior:
         return np.asarray(weights / weights.sum())
 
     def update(self, answers: Answers) -> OpenOrderPosterior:
-        """Return the comparator that also knows these answers, learned one by one, in told order.
+        """Return the comparator that also knows these answers, learned in the given order.
 
         Raises
         ------
@@ -178,8 +179,9 @@ class OpenOrderPosterior:
     @cached_property
     @one_thread
     def values(self) -> Floats:
-        """The posterior mean (k,) of the scale, least 0 and greatest 1: it need not rise.
-        Read-only.
+        """The posterior mean (k,) of the scale, least 0 and greatest 1. Read-only.
+
+        It need not rise from level to level.
         """
         return mean_scale(
             [(order, scales.values) for order, scales in self._parts], self.order_probabilities
@@ -197,7 +199,7 @@ class OpenOrderPosterior:
         return weighted(self.draws.gaps, self.draws.weights, self.level)._replace(dominance=False)
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Return verdicts on differences: the sign that has probability ``level``."""
+        """Return verdicts (n,) on differences (n, k): the sign that has probability ``level``."""
         return decide_by(self.rule, self._rows(d)).verdicts
 
     def probability(self, d: ArrayLike) -> Floats:
@@ -215,7 +217,7 @@ class OpenOrderPosterior:
         return product(self.order_probabilities, np.array(each))
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Return the (1 - level) and the level quantile of d.e."""
+        """Return the (1 - level) and the level quantile of d.e, (n,) each."""
         draws = self.draws
         scores = product(tail_sums(self._rows(d)), draws.gaps)
         low, high = np.empty(len(scores)), np.empty(len(scores))

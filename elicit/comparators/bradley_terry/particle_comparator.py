@@ -1,10 +1,10 @@
 """The Bayesian comparator for a noisy tutor: particles over scales and the tutor's precision.
 
-The likelihood is eq. (6) with a lapse: P(left is said to be better) = lapse/2 + (1 - lapse) sigma(c
-d.e). The prior knows the order of the levels, and is wide enough for scales with a few large gaps.
-The precision c and the lapse are learned unless they are given. From the first EQUAL on the tutor
-is modelled as calling equal what is close (Rao and Kupper 1967; see ``density``), and the width is
-learned too.
+The likelihood is eq. (6) with a lapse: P(the answer is "left is better") = lapse/2 + (1 - lapse)
+sigma(c d.e). The prior knows the order of the levels, and is wide enough for scales with a few
+large gaps. The precision c and the lapse are learned unless they are given. From the first EQUAL on
+the tutor is modelled as calling equal what is close (Rao and Kupper 1967; see ``density``), and the
+width is learned too.
 
 A comparison is decided if one sign has posterior probability ``level``. Of the comparisons decided
 in this way at most 1 - level are wrong, on average over the prior, whichever questions were asked.
@@ -70,7 +70,7 @@ from elicit.model.scale import Floats, dot, order_bounds, values_of
 
 WORN = 0.02  # below this effective size, a share of the particles, a warning is raised
 _FAR = 1e12  # tail sums are clipped to it for the likelihood
-_THIN = 1e-12  # sets of scales narrower than this have no room for particles, only for rounding
+_THIN = 1e-12  # narrower sets of scales have no room for particles, only for rounding
 _SHAPES = (
     1e-9,
     1e9,
@@ -111,7 +111,7 @@ Logs: TypeAlias = Mapping[str, HasAnswers | Answers] | Iterable[HasAnswers | Ans
 
 
 class ParticleOptions(TypedDict, total=False):
-    """Keywords of ``PosteriorComparator`` that few need.
+    """Rarely needed keywords of ``PosteriorComparator``.
 
     Attributes
     ----------
@@ -119,14 +119,14 @@ class ParticleOptions(TypedDict, total=False):
         Number of particles. Default 1000.
     shape : (low, high), optional
         A priori the gaps are Dirichlet(a), with log a uniform between the logs of these two. None:
-        the two of ``CONCENTRATION``, each over k - 1. (1, 1) is uniform, and overconfident on
+        the two of ``CONCENTRATION``, each divided by k - 1. (1, 1) is uniform, and overconfident on
         scales with a few large gaps.
     raters : bool
-        Whether the answers are of several people who are asked about one scale, and whose
-        precision, lapse and width of EQUAL may differ. ``Answers.who`` says who gave each. Then
-        each person's are learned, and answers of a careless one count less: ``reliability`` says
-        how reliable each is. False, the default: all answers are taken as one person's. Until a
-        second name comes up, both are the same.
+        True if several people answer about one scale, whose precision, lapse and width of EQUAL may
+        differ. ``Answers.who`` names the person of each answer. Then each person's parameters are
+        learned, and answers of a careless one count less: ``reliability`` says how reliable each
+        is. False, the default: all answers are taken as one person's. Until a second name comes up,
+        both are the same.
     """
 
     particles: int
@@ -141,7 +141,7 @@ class Degenerate(RuntimeWarning):
 class PosteriorComparator:
     """Decides a difference if one sign of d.e has posterior probability ``level``.
 
-    The comparator is a frozen value, and a function of (answers in told order, seed, settings)
+    The comparator is a frozen value, and a function of (answers in the given order, seed, settings)
     alone. n updates of one answer equal one update of n. ``elicit.Comparator`` says what its
     methods take and return.
 
@@ -156,41 +156,42 @@ class PosteriorComparator:
         Share of answers given at random. A tutor who flips a tenth of all answers lapses in a
         fifth. None: learned, with Beta(1, 4) a priori.
     tie : float
-        Largest |d.e| that the tutor may call EQUAL, a share of the value range e_k - e_1, in 0 <=
-        tie < 1. Here d is a difference of share vectors, used as it is given. The tutor's own width
-        is learned, and is uniform up to twice the ``tie`` a priori, for nobody knows their own. A
-        tutor who has called nothing equal is taken as sharp: until the first EQUAL nothing depends
-        on ``tie``, and then all answers are learned afresh. 0: EQUAL means equal, and counts as
-        half an answer each way.
+        Largest |d.e| that the tutor may call EQUAL, a share of the value range e_k - e_1, in
+        0 <= tie < 1. Here d is a difference of share vectors, used as it is given. The tutor's own
+        width is learned. It is uniform up to twice the ``tie`` a priori, because nobody knows their
+        own. A tutor who has called nothing equal is taken as sharp. So until the first EQUAL
+        nothing depends on ``tie``. Then all answers are learned afresh. 0: EQUAL means equal, and
+        counts as half an answer each way.
     level : float
         Posterior probability that a verdict needs, in (1/2, 1).
     prior : optional
         Inequalities that hold for certain: (A, b) with A e >= b, texts such as "e4 >= 2*e2", or
         linear cvxpy constraints over ``elicit.scale_variable(k)``. For texts that use the levels'
-        own names see ``elicit.inequalities(texts, labels=...)``.
+        own names
+        see ``elicit.inequalities(texts, labels=...)``.
     seed : int, SeedSequence, Generator or None
         Kept as an int. None draws a new one.
     like : logs of earlier people, optional
-        One ``AnswerLog`` or ``Answers`` a person, in a list or in a dict by name: which scales,
-        precisions and lapses were common among them is then likelier a priori. The general prior
-        keeps the weight of four people, for the next person may be like none of them. Learning it
-        takes about as long as telling a comparator all their answers. The ``like`` of another
-        comparator of this k is taken as it is. What is learned from few people depends a little on
-        their order and on the seed.
+        One ``AnswerLog`` or ``Answers`` for each person, in a list or in a dict by name. Scales,
+        precisions and lapses that were common among them are then likelier a priori. The general
+        prior keeps the weight of four people, because the next person may be like none of them.
+        Learning it takes about as long as learning all their answers. The ``like`` of another
+        comparator of this k is taken as it is. With few people the result depends a little on their
+        order and on the seed.
     **options
         ``particles``, ``shape`` and ``raters``: see ``ParticleOptions``.
 
     Attributes
     ----------
     like : EarlierPeople or None
-        What was learned from earlier people.
+        The prior learned from earlier people.
 
     Raises
     ------
     ValueError
         If a setting is out of range, or a log is about another number of levels.
     TypeError
-        For an unknown keyword, or if ``like`` is not one log a person.
+        For an unknown keyword, or if ``like`` is not one log for each person.
     """
 
     def __init__(
@@ -253,7 +254,7 @@ class PosteriorComparator:
         )
 
     def _like(self, people: Logs | EarlierPeople) -> None:
-        """Take over, or learn, what earlier people have in common, and start from there."""
+        """Take over, or learn, the prior from earlier people, and start from it."""
         if isinstance(people, EarlierPeople):
             found, known = people, [len(kind.shapes) + 1 for kind in people.kinds]
             if known[0] != self.k:
@@ -278,7 +279,7 @@ class PosteriorComparator:
         self._forget()
 
     def _own_particles(self, number: int, answers: Answers) -> OwnParticles:
-        """Return what an earlier person's answers alone say of them, by the general prior."""
+        """Return an earlier person's posterior from their answers, under the general prior."""
         own = copy.copy(self)
         own._key = np.uint64(fold(self._key, _PEOPLE, number))
         own._forget()
@@ -289,8 +290,10 @@ class PosteriorComparator:
         return OwnParticles(x - log_c[:, None], log_c, lapse, own._gaps_and_weights[1])
 
     def _general(self, at: OwnParticles) -> Floats:
-        """Return the log density (n,) of the prior without earlier people, up to the constant of a
-        standard normal, in the logs of gaps, log c, and the logit of a learned lapse.
+        """Return the log density (n,) of the prior without earlier people.
+
+        The constant of a standard normal is left out. The coordinates are the logs of gaps, log c,
+        and the logit of a learned lapse.
         """
         prior = self._prior
         logs = prior.constants[:, None] + prior.shapes[:, None] * at.log_gaps.sum(axis=1)
@@ -302,16 +305,14 @@ class PosteriorComparator:
         return np.asarray(found)
 
     def _forget(self) -> None:
-        """Return to the prior."""
+        """Reset to the prior."""
         self.answers = Answers.none(self.k)
         self._rows, self._tied = np.zeros((self.k - 1, 0)), np.zeros(0, dtype=np.bool_)
         self._start(0.0)
         self._several: Several | None = None
 
     def _start(self, tie: float) -> None:
-        """Draw particles from the prior, for a tutor who may call equal what lies within
-        ``tie``.
-        """
+        """Draw particles from the prior, for a tutor who may call |d.e| <= ``tie`` equal."""
         self._prior = self._prior._replace(tie=tie)
         self._begin(self._first_particles(self._prior))
         self._theta, self._slips = (
@@ -321,13 +322,13 @@ class PosteriorComparator:
         thetas(self._x, self._prior, self._theta, self._slips)
 
     def _begin(self, x: Floats) -> None:
-        """Take these particles, which have learned nothing."""
+        """Set the particles, which have learned nothing."""
         self.proposed = self.accepted = 0
         self._x, self._logs = x, np.zeros(self.particles)
         self._noise = np.full(1, 1.0 / self.particles)
 
     def update(self, answers: Answers) -> PosteriorComparator:
-        """Return a comparator that also knows these answers, learned one by one, in told order."""
+        """Return a comparator that also knows these answers, learned in the given order."""
         check_answers(answers, self.k)
         new = copy.copy(self)
         for name in ("_gaps_and_weights", "values"):
@@ -339,7 +340,7 @@ class PosteriorComparator:
         size = np.abs(t).max(axis=1, keepdims=True)
         t = np.where(
             size > _FAR, t / np.where(size > 0, size, 1.0) * _FAR, t
-        )  # beyond, no answer can be surer
+        )  # no answer can be surer than this
         n = self._rows.shape[1]
         new._rows = np.ascontiguousarray(np.concatenate([self._rows, t.T], axis=1))
         new._tied = np.concatenate([self._tied, answers.y == 0])
@@ -375,9 +376,9 @@ class PosteriorComparator:
             self.proposed, self.accepted = self.proposed + proposed, self.accepted + accepted
 
     def _learn_of_several(self, last: int) -> None:
-        """Learn row ``last``, which is of one of several raters.
+        """Learn row ``last``, an answer of one of several raters.
 
-        All is learned afresh once there are two, and at the first EQUAL of each.
+        All answers are learned afresh once there are two raters, and at the first EQUAL of each.
         """
         who, rows = self.answers.who, range(last, last + 1)
         tied = self.tie > 0 and bool(self._tied[last])
@@ -424,8 +425,8 @@ class PosteriorComparator:
         -------
         dict of str to Reliability
             With ``raters=True`` one for each person who has answered. Otherwise, and as long as
-            there is one person, a single one. It is named None if answers name nobody, or if those
-            of several people are taken as one person's.
+            there is one person, a single one. Its name is None if answers name nobody, or if the
+            answers of several people are taken as one person's.
         """
         weights, who = self._gaps_and_weights[1], self.answers.who
         tutors = self._tutors
@@ -463,13 +464,11 @@ class PosteriorComparator:
 
     @property
     def answers_to_next_step(self) -> int:
-        """Number of further answers until verdicts may change: 1, for each answer moves the
-        weights.
-        """
+        """Number of further answers until verdicts may change: each answer moves the weights."""
         return 1
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Return verdicts on differences.
+        """Return verdicts (n,) on differences (n, k).
 
         Dominance comes first, then the sign that has probability ``level``.
         """
@@ -499,22 +498,23 @@ class PosteriorComparator:
     def answer_probability(self, d: ArrayLike, who: str | None = None) -> Floats:
         """Return the probability that the tutor's next answer is "left is better".
 
-        It is the mean, over the posterior, of the chance of this answer: with the precision, the
-        lapse and the width of EQUAL as learned. ``probability`` says how surely left *is* better,
-        which may be near 1 although the tutor often errs.
+        It is the mean of this answer's probability over the posterior of the precision, the lapse
+        and the width of EQUAL. ``probability`` says how surely left *is* better, which may be near
+        1 although the tutor often errs.
 
         Parameters
         ----------
         d : (n, k)
             Differences left - right.
         who : str, optional
-            Of several raters, the one who is asked. None: any of them, each with the same chance.
+            The one of several raters who is asked. None: any of them, each with the same
+            probability.
 
         Returns
         -------
         (n,) probabilities
             That of "right is better" is ``answer_probability(-d)``. The two total 1 until the tutor
-            calls something EQUAL, and then leave its probability.
+            calls something EQUAL. From then on they leave room for its probability.
 
         Raises
         ------
@@ -639,9 +639,9 @@ class PosteriorComparator:
         """Approximate number of independent draws of the posterior that the particles are worth.
 
         Weights count by Kong's (1992) formula. Copies made by resampling count by how much they
-        remember after the moves: the squared correlation, before and after, of the level's value or
-        of log c that changed least. It is an estimate. Judged by how much probabilities vary with
-        the seed, the truth is between a third and three times as much.
+        remember after the moves. This is the greatest squared correlation, before and after, of a
+        level's value or of log c. The number is an estimate. Measured by how much probabilities
+        vary with the seed, the truth is between a third and three times as much.
         """
         return 1.0 / float(self._noise[0] + 1.0 / effective_size(self._logs) - 1.0 / self.particles)
 
@@ -657,8 +657,9 @@ class PosteriorComparator:
         return self._theta / self._theta.sum(axis=0), weights / weights.sum()
 
     def _log_prior(self) -> ParticlePrior:
-        """Return the prior's density, its mixture over shapes by Gauss and Legendre's rule in log
-        a.
+        """Return the prior's density.
+
+        Its mixture over shapes is computed by Gauss and Legendre's rule in log a.
         """
         p, (low, high) = self.k - 1, self.shape
         nodes, mass = np.polynomial.legendre.leggauss(1 if low == high else _NODES)
@@ -718,10 +719,11 @@ class PosteriorComparator:
         return np.ascontiguousarray(np.concatenate([x, *slips[learned:]], axis=1))
 
     def _within(self, x: Floats, prior: ParticlePrior) -> Floats:
-        """Return particles of a prior moved to where its inequalities hold.
+        """Return particles of a prior, moved to where its inequalities hold.
 
-        They move by nested sets that each hold half of the particles of the one before (subset
-        simulation, Au and Beck 2001). Raises ValueError.
+        They move through nested sets, each of which holds half of the particles of the one before
+        (subset simulation, Au and Beck 2001). Raise ValueError if no scale satisfies the
+        inequalities, or too few do.
         """
         if self.prior is None:
             return x
@@ -757,7 +759,7 @@ class PosteriorComparator:
 
 
 def _answers_of(people: Logs, k: int) -> list[Answers]:
-    """Return the answers of each of some people. Raises TypeError and ValueError."""
+    """Return the answers of each of some people. Raise TypeError or ValueError."""
     wanted = "like= takes one AnswerLog or Answers a person, in a list or in a dict by name"
     if isinstance(people, (str, bytes, Answers)) or hasattr(people, "answers"):
         raise TypeError(f"{wanted}, not {type(people).__name__}: for one person write like=[...]")
@@ -765,7 +767,7 @@ def _answers_of(people: Logs, k: int) -> list[Answers]:
         raise TypeError(f"{wanted}, not {people!r}")
     by_name = people if isinstance(people, Mapping) else dict(enumerate(people))
     found = []
-    for name in sorted(by_name, key=str):  # what is learned does not hang on a dict's order
+    for name in sorted(by_name, key=str):  # the result must not depend on a dict's order
         log = by_name[name]
         if not isinstance(log, Answers) and not callable(getattr(log, "answers", None)):
             raise TypeError(f"{wanted}, but that of {name!r} is {log!r}")

@@ -1,18 +1,18 @@
-"""Several raters of one scale: each has a precision, a lapse and a width of EQUAL of their own.
+"""Several raters of one scale, each with their own precision, lapse and width of EQUAL.
 
 A particle is a scale and, for each rater, three numbers. Its first p coordinates are those of
-``smc``: the logs of the gaps times a precision c, here the one that the raters have in common. Then
-follow, for each rater, log f with f c the rater's own precision, the logit of their lapse, and the
-logit of their width, as a share of its greatest.
+``smc``: the logs of the gaps times a precision c, which the raters have in common. For each rater
+follow log f, where f c is the rater's own precision, the logit of their lapse, and the logit of
+their width, as a share of the greatest width.
 
-A priori log f ~ N(0, SPREAD^2), and the variance of log c is less by that: so each rater alone has
-the prior of a single person, and answers of one say what to expect of the others (partial pooling).
-Lapses are independent. Given the scale, so are answers.
+A priori log f ~ N(0, SPREAD^2), and the variance of log c is less by SPREAD^2. So each rater alone
+has the prior of a single person, and answers of one say what to expect of the others (partial
+pooling). Lapses are independent. Given the scale, so are answers.
 
 Particles are reweighted and resampled as in ``smc``. Moves are Metropolis steps along differences
 of two particles of the other half (ter Braak 2006), so that half of the particles move at once. A
-step changes the scale, all coordinates, or those of one rater, whose answers alone are then looked
-at. Until the likelihood is compiled, NumPy computes the same to the last bit.
+step changes the scale, all coordinates, or those of one rater. In the last case only this rater's
+answers are looked at. Until the likelihood is compiled, NumPy computes it, with identical results.
 """
 
 from __future__ import annotations
@@ -63,16 +63,29 @@ SPREAD = 1.74
 public experiments (``elicit.tutors.person``)."""
 
 OWN = 3  # coordinates of a rater
-TURNS = 8  # of moves; in each, every part of a particle may change
+TURNS = 8  # turns of moves; in each, every part of a particle may change
 _SCALE, _ALL, _SHIFT, _RATERS = range(4)  # parts of a turn; the raters follow one by one
 
 
 class RaterArrays(NamedTuple):
     """Particles of several raters and the answers they have learned, as arrays.
 
-    x (m, p + 3 r): the particles. logs (m,): their log weights. noise (1,): as in ``smc``. rows (p,
-    n), tied (n,): the answers. by (n,): the number of the rater who gave each. wide (r,): who may
-    call equal what is merely near.
+    Attributes
+    ----------
+    x : (m, p + 3 r)
+        The particles.
+    logs : (m,)
+        Their log weights.
+    noise : (1,)
+        As in ``smc.ParticleArrays``.
+    rows : (p, n)
+        The answers.
+    tied : (n,)
+        Flags of the answers that are EQUAL.
+    by : (n,)
+        The number of the rater who gave each.
+    wide : (r,)
+        Flags of the raters who may call equal two things that are close.
     """
 
     x: Floats
@@ -122,14 +135,14 @@ class Reliability:
         )
 
 
-_LEAST = 1e-300  # a precision that is given may be 0, which has no logarithm
-NEAR = 0.1  # difference in value, a share of the range, that ``Reliability.right`` is about
+_LEAST = 1e-300  # a given precision may be 0, which has no logarithm
+NEAR = 0.1  # difference in value, a share of the range, for ``Reliability.right``
 
 
 def learn(state: RaterArrays, n: int, prior: ParticlePrior, key: Any) -> tuple[int, int]:
     """Reweight particles by row n - 1 of the answers, and move them if few have weight.
 
-    The arrays of ``state`` are changed. Returns the numbers of moves proposed and accepted.
+    The arrays of ``state`` are changed. Return the numbers of moves proposed and accepted.
     """
     x, logs, noise, p = state.x, state.logs, state.noise, len(state.rows)
     m, who = len(x), int(state.by[n - 1])
@@ -159,14 +172,14 @@ def learn(state: RaterArrays, n: int, prior: ParticlePrior, key: Any) -> tuple[i
 
 
 class Several(NamedTuple):
-    """Raters by their numbers: their names, and who may call equal what is merely near."""
+    """Raters by their numbers: their names, and flags of those who may call equal what is close."""
 
     names: tuple[str | None, ...]
     wide: tuple[bool, ...]
 
 
 class _OneRater(NamedTuple):
-    """Answers of one rater; the last one's likelihood counts to the power ``last``."""
+    """Answers of one rater. The last one's likelihood counts to the power ``last``."""
 
     rows: Floats
     tied: NDArray[np.bool_]
@@ -179,7 +192,7 @@ def move(
     """Propose moves for each particle, ``turns`` times over, in place.
 
     The moves leave the posterior of the first n answers invariant, with the last one's likelihood
-    to the power ``last``. Returns the numbers of moves proposed and accepted.
+    to the power ``last``. Return the numbers of moves proposed and accepted.
     """
     x, p, m = state.x, len(state.rows), len(state.x)
     told = []
@@ -193,7 +206,7 @@ def move(
 
     raters = range(len(told))
     scale_prior, theta = _of_scale(x, prior)
-    # of the scale, then of each rater
+    # the first row is the scale's, and the others are the raters'
     priors = np.stack([scale_prior, *(_of_rater(x, number, prior) for number in raters)])
     logs = np.stack([terms(x, theta, number) for number in raters])
     proposed = accepted = 0
@@ -214,7 +227,7 @@ def move(
                     for number in (part - _RATERS,) if part >= _RATERS else raters:
                         prior_of[1 + number] = _of_rater(proposal, number, prior)
                 some = np.flatnonzero(prior_of[0] > -np.inf)
-                if part != _SHIFT:  # which changes no likelihood
+                if part != _SHIFT:  # a shift changes no likelihood
                     for number in (part - _RATERS,) if part >= _RATERS else raters:
                         found[number, some] = terms(proposal[some], theta_of[:, some], number)
                 gain = in_order(prior_of) - in_order(priors[:, at])
@@ -228,7 +241,7 @@ def move(
 
 
 def _two_of(others: NDArray[np.int64], u: Floats, v: Floats) -> tuple[Any, Any]:
-    """Return two different ones of ``others`` for each u (q,) and v (q,)."""
+    """Return two different entries of ``others`` for each u (q,) and v (q,)."""
     first = (u * len(others)).astype(np.int64)
     second = (v * (len(others) - 1)).astype(np.int64)
     second += second >= first
@@ -245,7 +258,7 @@ def _proposal(x: Floats, a: Floats, b: Floats, p: int, part: int, u: list[Floats
             proposal[:, :p] = np.where((u[0] < SWAPS)[:, None], swapped, proposal[:, :p])
         return proposal
     if part == _SHIFT:
-        # the common precision against the raters' own: none of the likelihoods changes
+        # a shift of the common precision against the raters' own changes none of the likelihoods
         by = 2.0 * u[8] * (a[:, :p].max(axis=1) - b[:, :p].max(axis=1))
         proposal[:, :p] += by[:, None]
         proposal[:, p::OWN] -= by[:, None]
@@ -260,8 +273,9 @@ def _proposal(x: Floats, a: Floats, b: Floats, p: int, part: int, u: list[Floats
 
 
 def of_several(prior: ParticlePrior, tie: float) -> ParticlePrior:
-    """Return the prior of a single person as that of several, who may call equal what lies within
-    ``tie``.
+    """Return the prior of a single person as that of several people.
+
+    They may call equal what lies within ``tie``.
     """
     return prior._replace(sd=math.sqrt(prior.sd**2 - SPREAD**2), tie=tie)
 
@@ -280,8 +294,9 @@ def newcomer(prior: ParticlePrior, m: int, seed: int) -> Floats:
 
 
 def _of_scale(x: Floats, prior: ParticlePrior) -> tuple[Floats, Floats]:
-    """Return the log density (q,) a priori of the scales and common precisions of particles x (q,
-    p + 3 r), up to a constant, and gaps times common precision (p, q).
+    """Return the log prior density (q,) of scales and common precisions, up to a constant.
+
+    They are those of particles x (q, p + 3 r). Also return gaps times common precision (p, q).
     """
     p = prior.above.shape[1]
     theta = np.empty((p, len(x)))
@@ -289,7 +304,7 @@ def _of_scale(x: Floats, prior: ParticlePrior) -> tuple[Floats, Floats]:
 
 
 def _of_rater(x: Floats, number: int, prior: ParticlePrior) -> Floats:
-    """Return the log density (q,) a priori of a rater's coordinates, up to a constant."""
+    """Return the log prior density (q,) of a rater's coordinates, up to a constant."""
     first = prior.above.shape[1] + OWN * number
     own = np.ascontiguousarray(x[:, first : first + OWN])
     return np.asarray(log_priors_of_raters(own, prior.lapse_a, prior.lapse_b))
@@ -306,9 +321,9 @@ def parameters(
     common : (q,)
         The common precision.
     number : int
-        Of the rater.
+        Number of the rater.
     wide : bool
-        Whether they may call equal what is merely near.
+        True if the rater may call equal two things that are close.
     prior : ParticlePrior
         The one of ``of_several``. A known precision or lapse is that of every rater.
     """
@@ -399,9 +414,7 @@ def _priors_of_arrays(x: Floats, prior: ParticlePrior, theta: Floats) -> Floats:
 
 @compiled_beside(_priors_of_arrays)
 def log_priors(x: Any, prior: ParticlePrior, theta: Any) -> Any:
-    """Return ``density.log_prior`` (q,) of x (q, p), and write their theta into ``theta`` (p,
-    q).
-    """
+    """Return ``density.log_prior`` (q,) of x (q, p), and write theta (p, q)."""
     q, p = x.shape
     out, one, work = np.empty(q), np.empty(p), np.empty((2, BLOCK))
     for i in range(q):

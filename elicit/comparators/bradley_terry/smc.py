@@ -1,10 +1,10 @@
 """Particles over scales and tutors, reweighted by each answer and moved if few carry the weight.
 
 A particle is x with theta = exp(x) = c g: the logs of the p gaps times the precision. If they are
-learned, the tutor's lapse and width of EQUAL follow, as logits. In these coordinates the plausible
-set has no border at which moves are rejected. The method is iterated batch importance sampling
-(Chopin 2002), tempered if an answer is a surprise (Del Moral, Doucet and Jasra 2006). Random
-numbers are a hash of (key, counters).
+learned, the logits of the tutor's lapse and of the width of EQUAL follow. In these coordinates the
+plausible set has no border at which moves are rejected. The method is iterated batch importance
+sampling (Chopin 2002), tempered if an answer is a surprise (Del Moral, Doucet and Jasra 2006).
+Random numbers are a hash of (key, counters).
 """
 
 from __future__ import annotations
@@ -25,16 +25,29 @@ ENOUGH, FAIR = (
 )  # effective sizes, as shares: below the first, particles are moved; below the second, an
 # answer is learned in parts
 SWEEPS = 16  # number of sweeps at a move
-ROUNDING = 1e-14  # levels' values that vary by less do not vary
+ROUNDING = 1e-14  # levels' values whose relative variation is less count as constant
 
 
 class ParticleArrays(NamedTuple):
     """Particles and the answers they have learned, as arrays.
 
-    x (m, >= p): the particles. theta (p, m) and slip (2, m): their ``thetas``. logs (m,): their log
-    weights. noise (1,): the variance of a mean over equally weighted particles, in units of the
-    posterior's; resampling adds to it, and moves take away as much as they make a particle forget.
-    rows (p, >= n): the answers. tied: which of them are EQUAL.
+    Attributes
+    ----------
+    x : (m, >= p)
+        The particles.
+    theta : (p, m)
+        Their gaps times precision, see ``thetas``.
+    slip : (2, m)
+        Their lapses and widths.
+    logs : (m,)
+        Their log weights.
+    noise : (1,)
+        The variance of a mean over equally weighted particles, in units of the posterior's.
+        Resampling adds to it. Moves reduce it, by as much as they make a particle forget.
+    rows : (p, >= n)
+        The answers.
+    tied : (>= n,)
+        Flags of the answers that are EQUAL.
     """
 
     x: Any
@@ -48,10 +61,9 @@ class ParticleArrays(NamedTuple):
 
 @compiled
 def thetas(x: Any, prior: ParticlePrior, out: Any, slip: Any) -> None:
-    """Write theta = c g of particles x (m, >= p) into ``out`` (p, m), and their slips into
-    ``slip``.
+    """Write theta = c g of particles x (m, >= p) into ``out`` (p, m).
 
-    The latter are lapses and widths (2, m).
+    Their lapses and widths are written into ``slip`` (2, m).
     """
     p, m = out.shape
     theta = np.empty(p)
@@ -76,7 +88,7 @@ def effective_size(logs: Any) -> float:
 
 @compiled
 def resample(weights: Any, u: float, out: Any) -> None:
-    """Write into ``out`` which particle (m,) each new one copies, by systematic resampling."""
+    """Write into ``out`` (m,) the particle that each new one copies, by systematic resampling."""
     m = len(weights)
     total, at, i = 0.0, 0.0, 0
     for w in weights:
@@ -93,7 +105,7 @@ def resample(weights: Any, u: float, out: Any) -> None:
 def learn(state: ParticleArrays, n: int, prior: ParticlePrior, key: Any) -> tuple[int, int]:
     """Reweight particles by row n - 1 of the answers, and move them if few have weight.
 
-    The arrays of ``state`` are changed. Returns the numbers of moves proposed and accepted.
+    The arrays of ``state`` are changed. Return the numbers of moves proposed and accepted.
     """
     x, theta, slip, logs, noise, rows, tied = state
     m = len(x)
@@ -118,7 +130,7 @@ def learn(state: ParticleArrays, n: int, prior: ParticlePrior, key: Any) -> tupl
                 run = run + 1.0 if i > 0 and copied[i] == copied[i - 1] else 1.0
                 noise[0] += (
                     (2.0 * run - 2.0) / m / m
-                )  # sums to squared numbers of copies, less one for each particle
+                )  # the total is that of squared numbers of copies, less one for each particle
             before = features(x, len(theta), prior.fixed)
             accepted += move(x, rows, tied, n, done, prior, mix(key, stage), SWEEPS)
             proposed += SWEEPS * m
@@ -171,10 +183,9 @@ def remembered(before: Any, after: Any) -> float:
 
 @compiled
 def tempered(logs: Any, found: Any, most: float) -> float:
-    """Return the greatest power, at most ``most``, of likelihoods exp(found) that keeps enough
-    weight.
+    """Return the greatest power, at most ``most``, of exp(found) that keeps enough weight.
 
-    Enough is a fair effective size.
+    Enough is an effective size of ``FAIR`` times the number of particles.
     """
     m = len(logs)
     trial = np.empty(m)

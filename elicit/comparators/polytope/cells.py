@@ -1,13 +1,13 @@
 """K_t when some of the answers may be wrong: a union of polytopes, the cells.
 
-A cell says which answers are wrong. Its scales satisfy all other answers, and the opposite of
-those. With at most m wrong answers, K_t is the union of the cells that have at most m of them. Who
-asks then plays the game of Ulam: to find something out by questions of which m may be answered
-wrongly (Pelc 2002, Theoretical Computer Science 270).
+Each cell stands for a set of wrong answers. Its scales satisfy all other answers, and the opposite
+of these. With at most m wrong answers, K_t is the union of the cells that have at most m of them.
+Asking is then Ulam's game: to find something out by questions of which m may be answered wrongly
+(Pelc 2002, Theoretical Computer Science 270).
 
 Cells overlap in their faces only. An answer divides a cell if it cuts through it. If an answer
-follows from a cell, its opposite contradicts the cell, which stays as it is. So most cells that
-could be counted are empty, and these are never made.
+follows from a cell, its opposite contradicts the cell, which stays as it is. So most of the
+possible cells are empty, and these are never made.
 """
 
 from __future__ import annotations
@@ -36,24 +36,31 @@ _OVERLAP = 1e-12
 
 
 class PolytopeCell(NamedTuple):
-    """A cell: the comparator that knows the answers that cut it, the wrong ones flipped, and the
-    wrong ones' rows."""
+    """A cell.
+
+    ``scales`` is the comparator that knows the answers that cut the cell, the wrong ones flipped.
+    ``wrong`` holds the rows of the wrong answers.
+    """
 
     scales: PolytopeComparator
     wrong: tuple[int, ...]
 
 
 class Cells:
-    """The cells that have at most ``most`` wrong answers, those with the fewest first. They never
-    change."""
+    """The cells that have at most ``most`` wrong answers, those with the fewest first.
+
+    They never change.
+    """
 
     def __init__(self, parts: Sequence[PolytopeCell], most: int) -> None:
         self.parts = tuple(sorted(parts, key=lambda part: (len(part.wrong), part.wrong)))
         self.most = most
 
     def update(self, answers: Answers, first: int) -> Cells:
-        """Return the cells after further answers, the first of which has the row ``first``. There
-        may be none."""
+        """Return the cells after further answers, the first of which has the row ``first``.
+
+        There may be no cells.
+        """
         parts = self.parts
         for i in range(len(answers)):
             parts = tuple(
@@ -70,8 +77,10 @@ class Cells:
         )
 
     def settle(self, d: Floats) -> Decisions:
-        """Return verdicts (n,) and tiers (n,) of differences d (n, k): decided if no cell
-        disagrees."""
+        """Return verdicts (n,) and tiers (n,) of differences d (n, k).
+
+        A difference is decided if no cell disagrees.
+        """
         verdicts, tiers = np.full(len(d), Verdict.EQUAL, np.int8), np.zeros(len(d), np.int8)
         rows = np.arange(len(d))
         for part in self.parts:
@@ -83,8 +92,10 @@ class Cells:
 
     @property
     def rule(self) -> Rule:
-        """The rule of the cell if there is only one. Otherwise compiled code goes by dominance
-        alone."""
+        """The rule of the cell if there is only one.
+
+        Otherwise compiled code goes by dominance alone.
+        """
         if len(self.parts) == 1:
             return self.parts[0].scales.rule
         return nothing() if all(part.scales.rule.dominance for part in self.parts) else unaided()
@@ -103,8 +114,7 @@ class Cells:
 
     @cached_property
     def weights(self) -> Floats:
-        """Weights (c,) of the cells, of total 1: their volumes times ``WRONG_ODDS`` for each wrong
-        answer.
+        """Weights (c,) of the cells, 1 in total: volume times ``WRONG_ODDS`` per wrong answer.
 
         The volume is estimated by the scatter of draws.
         """
@@ -132,8 +142,7 @@ class Cells:
         )
 
     def _divided(self, part: PolytopeCell, one: Answers, row: int) -> Iterator[PolytopeCell]:
-        """Yield the parts of a cell in which an answer is right, and in which it is wrong, those
-        that are not empty."""
+        """Yield the non-empty parts of a cell: where an answer is right, and where it is wrong."""
         scales, y = part.scales, int(one.y[0])
         wrong = (*part.wrong, row)
         may = len(part.wrong) < self.most
@@ -160,7 +169,7 @@ class Cells:
 def agreed(verdicts: Verdicts, others: Verdicts) -> Verdicts:
     """Return the verdicts (n,) on the union of two sets, from those on each.
 
-    EQUAL goes with BETTER and with WORSE: all scales of the union allow the one, and some say it.
+    EQUAL agrees with BETTER and with WORSE, because both allow d.e = 0.
     """
     both = np.where(verdicts == Verdict.EQUAL, others, verdicts)
     return np.where(
@@ -181,8 +190,10 @@ def too_many_wrong(
 def _explained(
     blank: PolytopeComparator, loose: PolytopeComparator, answers: Answers, most: int
 ) -> tuple[str, tuple[tuple[int, str], ...], bool]:
-    """Return the sentence, a minimal set with more wrong answers than that, and whether the margin
-    is a culprit."""
+    """Return a sentence, a minimal set with more wrong answers than ``most``, and a flag.
+
+    The flag says whether a margin of 0 would allow the answers.
+    """
 
     def possible(rows: Sequence[int], blank: PolytopeComparator) -> bool:
         some = answers.take(rows)
@@ -211,7 +222,7 @@ def _explained(
 
 
 def _told(scales: PolytopeComparator, one: Answers) -> PolytopeComparator | None:
-    """Return the part of a cell that satisfies an answer; None if there is none."""
+    """Return the part of a cell that satisfies an answer, or None if it is empty."""
     try:
         return scales.update(one)
     except InconsistentAnswers:
@@ -219,10 +230,11 @@ def _told(scales: PolytopeComparator, one: Answers) -> PolytopeComparator | None
 
 
 def _unequal(one: Answers, tie: float) -> Iterator[Answers]:
-    """Yield answers that say that d.e is at least ``tie``, and that -d.e is.
+    """Yield the answers that say that d.e is at least ``tie``, and that -d.e is.
 
-    The value range is 1, so d.e >= tie says that left, less the share ``tie`` of the best level, is
-    better."""
+    The value range is 1. So d.e >= tie says that left, less the share ``tie`` of the best level, is
+    better.
+    """
     shift = max(0.0, tie - _OVERLAP * max(tie, float(np.abs(one.d[:, 1:]).max(initial=0.0))))
     for sign in (1, -1):
         d = sign * one.d
@@ -231,10 +243,10 @@ def _unequal(one: Answers, tie: float) -> Iterator[Answers]:
 
 
 def log_volume(draws: Draws) -> float:
-    """Return the logarithm of a set's volume, but for a constant: that of the ellipsoid by which
-    draws scatter.
+    """Return the logarithm of a set's volume, up to a constant.
 
-    It is rounded, so that choices do not depend on the last bit.
+    It is the volume of the ellipsoid by which the draws scatter. It is rounded, so that choices do
+    not depend on the last bit.
     """
     gaps = draws.gaps[:-1]  # the last gap follows from the others
     if not len(gaps):

@@ -1,8 +1,8 @@
 """The reliable-tutor comparator (section 3.1): it decides where all consistent scales agree.
 
 A verdict is the sign of the exact optimum of the two programs over K_t. It is reached by the
-cheapest sufficient proof (``decision.judge_kernel``, ``plausible_set``). ``bounds`` are Clarabel's,
-made rigorous.
+cheapest sufficient proof (``decision.judge_kernel``, ``plausible_set``). ``bounds`` come from
+Clarabel, and every one is proven.
 """
 
 from __future__ import annotations
@@ -62,17 +62,18 @@ class PolytopeComparator:
     prior : optional
         (A (p, k), b (p,)), or named inequalities: texts such as "e4 >= 2*e2", the results of
         ``elicit.inequality``, and linear cvxpy constraints over ``elicit.scale_variable(k)``. For
-        texts that use the levels' own names see ``elicit.inequalities(texts, labels=...)``.
+        texts
+        that use the levels' own names see ``elicit.inequalities(texts, labels=...)``.
     tie : float
         Largest |d.e| that the tutor may call equal, a share of the value range e_k - e_1, in [0,
         1). Here d is a difference of share vectors. 0: equal means equal. It matters only once the
-        tutor says "equal": then a larger one is safer, and teaches less (docs/about-equal.md).
-        Verdicts and ``bounds`` use it as it is. ``simultaneous_bounds``, and so the guarantees that
-        depend on them, allow for twice as much.
+        tutor says "equal". Then a larger one is safer, and an answer teaches less
+        (docs/about-equal.md). Verdicts and ``bounds`` use it as it is. ``simultaneous_bounds``, and
+        so the guarantees that depend on them, allow for twice as much.
     wrong : int
-        The number of answers that may be wrong. K_t then holds every scale that all but so many of
-        the answers agree with: it is the union of ``cells``. Whatever is proven holds even if so
-        many answers are wrong, and takes more questions.
+        The number of answers that may be wrong. K_t then holds every scale that satisfies all but
+        so many of the answers: it is the union of ``cells``. Proofs hold even if so many answers
+        are wrong, and take more questions.
 
     Raises
     ------
@@ -124,19 +125,19 @@ class PolytopeComparator:
 
     @property
     def cells(self) -> tuple[Cell, ...]:
-        """The polytopes whose union is K_t: each with a comparator, for no wrong answer, and the
-        wrong answers' rows.
+        """The polytopes whose union is K_t, each with a comparator and the wrong answers' rows.
 
-        With ``wrong=0`` there is one, which is this comparator itself.
+        A cell's own comparator allows for no wrong answer. With ``wrong=0`` there is one cell,
+        whose comparator is this one.
         """
         return (Cell(self, (), 1.0),) if self._cells is None else self._cells.cells
 
     @property
     def suspects(self) -> tuple[tuple[int, str], ...]:
-        """Answers that may be wrong, as (row, id), once the answers contradict each other; ()
-        before.
+        """Answers that may be wrong, as (row, id), once the answers contradict each other.
 
-        They are the answers that are wrong under some scale of K_t. A single one can only be wrong.
+        They are the answers that are wrong under some scale of K_t. Before the answers contradict
+        each other, there are none. If there is only one, it must be wrong.
         """
         parts = () if self._cells is None else self._cells.parts
         if not all(part.wrong for part in parts):
@@ -148,7 +149,7 @@ class PolytopeComparator:
 
     @property
     def refuted(self) -> tuple[tuple[int, str], ...]:
-        """Answers that can only be wrong, as (row, id): they are wrong under every scale of K_t."""
+        """Answers that must be wrong, as (row, id): they are wrong under every scale of K_t."""
         wrong = [] if self._cells is None else [set(part.wrong) for part in self._cells.parts]
         return tuple(
             (row, self.answers.ids[row])
@@ -157,10 +158,9 @@ class PolytopeComparator:
 
     @cached_property
     def region(self) -> Region:
-        """K_t in gap space, with the constraints of the prior and of all answers, also the
-        redundant ones.
+        """K_t in gap space, with all constraints of the prior and the answers, also redundant ones.
 
-        Raises ValueError with ``wrong > 0``: then each of ``cells`` has its own.
+        It raises ValueError with ``wrong > 0``: then each of ``cells`` has its own.
         """
         self._check_convex("region")
         prior = prior_rows(self.prior, self.k)
@@ -170,8 +170,8 @@ class PolytopeComparator:
     def values(self) -> Floats:
         """The analytic centre (k,) of K_t, from 0 to 1; read-only.
 
-        With ``wrong > 0`` it is the mean of those of ``cells``, weighed by volume and by how many
-        answers are wrong there.
+        With ``wrong > 0`` it is the mean of the centres of ``cells``. They are weighed by volume
+        and by how many answers are wrong there.
         """
         values = (
             values_of(analytic_centre(self.region)) if self._cells is None else self._cells.values
@@ -187,7 +187,7 @@ class PolytopeComparator:
         ------
         InconsistentAnswers
             If no scale is left. It names a minimal contradictory set of rows of the old and new
-            answers: without any one of them the others could be right, all but ``wrong``.
+            answers: without any one of them all others, but for ``wrong`` of them, could be right.
             Opposite answers to one pair always contradict each other: they do not mean that it is
             equal.
         """
@@ -236,7 +236,7 @@ class PolytopeComparator:
         return fresh.update(self.answers.without(ids))
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Return verdicts on differences: the sign of the exact optimum over K_t."""
+        """Return verdicts (n,) on differences (n, k): the sign of the exact optimum over K_t."""
         return decide_by(self.rule, as_differences(d, self.k), self.settle).verdicts
 
     @property
@@ -277,7 +277,7 @@ class PolytopeComparator:
     def bounds_after(self, asked: ArrayLike, d: ArrayLike, enough: ArrayLike) -> Floats:
         """Return about the ``simultaneous_bounds`` that each answer to each question would leave.
 
-        They choose questions. Nothing is proven by them.
+        They serve to choose questions, and prove nothing.
 
         Parameters
         ----------
@@ -286,13 +286,14 @@ class PolytopeComparator:
         d : (n, k)
             Differences left - right, to bound.
         enough : float or (n,)
-            In units of e_k - e_1. A bound up to this may be any number up to this.
+            In units of e_k - e_1. A bound up to this need not be exact: any number up to this may
+            stand for it.
 
         Returns
         -------
         (c, 2, n) in units of e_k - e_1
-            First if the tutor says worse, then if better. -inf if that contradicts what is known,
-            inf if nothing is found in floats.
+            The first of the two is for the answer "worse", and the second for "better". -inf if the
+            answer contradicts what is known, inf if nothing is found in floats.
         """
         rows, questions = as_differences(d, self.k), as_differences(asked, self.k)
         limits = np.broadcast_to(np.asarray(enough, dtype=np.float64), len(rows))
@@ -326,8 +327,8 @@ class PolytopeComparator:
         -------
         Explanation
             A smallest set of answers and prior inequalities, and the order of the levels, with
-            multipliers that prove the verdict. If the verdict is UNKNOWN: two scales that disagree.
-            ``str()`` of it is a sentence.
+            multipliers that prove the verdict. If the verdict is UNKNOWN, it holds two scales that
+            disagree. ``str()`` gives a sentence.
         """
         self._check_convex("an explanation")
         from elicit.comparators.polytope.minimal_proof import explain

@@ -1,6 +1,4 @@
-"""The two programs over a set of scales as cvxpy problems, to inspect, extend or solve
-elsewhere.
-"""
+"""The two programs over a set of scales as cvxpy problems, to inspect, extend or solve."""
 
 from __future__ import annotations
 
@@ -34,8 +32,8 @@ def least_and_greatest(
     prior : Prior or None
         The prior's inequalities, as they were given.
     violation : (n, budget), optional
-        If it is given, answers may be violated, by a variable "violation" (n,) whose entry i
-        belongs to answer i. Its total is at most the budget. All are in the unit of the region's
+        The number of answers and their largest total violation. If it is given, a variable
+        "violation" (n,) holds the violation of each answer. All are in the unit of the region's
         rows. None: answers may not be violated.
 
     Returns
@@ -66,8 +64,8 @@ def least_and_greatest(
         yield (cp.diff(e) >= region.margin).set_label("order")
         for row, limit, name in () if prior is None else zip(*prior, strict=True):
             yield (_constant(row) @ e >= limit).set_label(name)
-        # an answer "equal" has two rows, one for each side: |at| <= -limit, as norm1, for cvxpy 1.9
-        # warns of NaN within its bounds on the abs of a matrix product
+        # an answer "equal" has two rows, one for each side: |at| <= -limit. It is written as norm1,
+        # because cvxpy 1.9 warns of NaN within its bounds on the abs of a matrix product
         for owner in np.unique(region.owner[region.owner >= 0]):
             mine = np.flatnonzero(region.owner == owner)
             at, limit = (

@@ -15,15 +15,17 @@ from elicit.model.difference import dominance, tail_sums
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats
 
-_MOST_STEPS = 4  # largest number of steps of the order to name; more are "the order of the levels"
+_MOST_STEPS = (
+    4  # largest number of steps of the order to name; beyond, they are "the order of the levels"
+)
 
 
 class UsedAnswer(NamedTuple):
-    """An answer that a proof uses: its row in the comparator's answers (from 0), id, sign and
-    multiplier.
+    """An answer that a proof uses.
 
-    With the sign s the answer says s d_row . e >= 0. If it was "equal", the proof uses s d_row . e
-    >= -tie.
+    It has its row in the comparator's answers (from 0), its id, its sign and its multiplier. With
+    the sign s the answer says s d_row . e >= 0. If it was "equal", the proof uses s d_row . e >=
+    -tie.
     """
 
     row: int
@@ -34,8 +36,9 @@ class UsedAnswer(NamedTuple):
 
 
 class UsedStep(NamedTuple):
-    """A step of the order, e[gap + 1] - e[gap] >= margin with levels counted from 0, and its
-    multiplier.
+    """A step of the order that a proof uses, and its multiplier.
+
+    The step is e[gap + 1] - e[gap] >= margin, with levels counted from 0.
     """
 
     gap: int
@@ -58,10 +61,10 @@ class Proof:
 
     Attributes
     ----------
-    remainder
+    remainder : Fraction
         Multiplier of the whole range e_k - e_1. It may be negative if the margin or a prior's bound
         makes up for it.
-    bound_without_margin
+    bound_without_margin : Fraction
         The part of the bound that remains if neighbouring levels may be arbitrarily near.
     """
 
@@ -100,22 +103,22 @@ class Proof:
 class Explanation:
     """The reason why a difference d (k,) has its verdict.
 
-    ``str()`` says it in a sentence that counts answers from 1.
+    ``str()`` gives a sentence that counts answers from 1.
 
     Attributes
     ----------
-    proofs
-        Of d for BETTER, of -d for WORSE, of both for EQUAL. There are none if left and right are
-        the same, or if the verdict is UNKNOWN.
-    scales
-        Exact (k,) scales of K_t. UNKNOWN: one under which left is better, and one under which right
-        is. BETTER and WORSE: one under which it is strictly so, if the proof's bound is 0;
-        otherwise none.
-    tie
+    proofs : tuple of Proof
+        One of d for BETTER, of -d for WORSE, and both for EQUAL. There are none if left and right
+        are the same, or if the verdict is UNKNOWN.
+    scales : tuple of (k,)
+        Exact scales of K_t. UNKNOWN: one under which left is better, and one under which right is.
+        BETTER and WORSE: one under which it is strictly so, if the proof's bound is 0; otherwise
+        none.
+    tie : float
         Largest |d.e| that an answer "equal" allows.
-    told_equal
-        Row of an answer "equal" to this very pair, or None. Learners do not ask such a pair again,
-        though its sign is open.
+    told_equal : int or None
+        Row of an answer "equal" to this very pair. Learners do not ask such a pair again, though
+        its sign is open.
     """
 
     d: Floats
@@ -129,8 +132,9 @@ class Explanation:
 
     @property
     def answers(self) -> tuple[UsedAnswer, ...]:
-        """The answers that force the verdict, all needed; for EQUAL those of one proof, then of the
-        other.
+        """The answers that force the verdict, all needed.
+
+        For EQUAL they are those of one proof, then those of the other.
         """
         return tuple(used for proof in self.proofs for used in proof.answers)
 
@@ -143,7 +147,7 @@ class Explanation:
     def prior(self) -> tuple[UsedPrior, ...]:
         """The prior inequalities that force the verdict, all needed.
 
-        For EQUAL they are those of one proof, then of the other.
+        For EQUAL they are those of one proof, then those of the other.
         """
         return tuple(used for proof in self.proofs for used in proof.prior)
 
@@ -189,8 +193,9 @@ class Explanation:
         )
 
     def _steps(self) -> list[str]:
-        """Return the order as far as it is used: "well > stable", "critical < stable < well", or in
-        general.
+        """Return the part of the order that the proof uses, such as "well > stable".
+
+        If there are many steps, it is "the order of the levels".
         """
         gaps = sorted({used.gap for used in self.order})
         whole = any(proof.remainder > 0 and proof.bound_without_margin > 0 for proof in self.proofs)
@@ -238,7 +243,7 @@ def _listed(words: Sequence[str]) -> str:
 
 
 def _short(number: Fraction) -> str:
-    """Return four digits, also of numbers beyond the range of floats."""
+    """Return a number as text with four digits, also beyond the range of floats."""
     if not number or 2**-1000 < abs(number) < 2**1000:
         return f"{float(number):.4g}"
     return f"{Decimal(number.numerator) / Decimal(number.denominator):.3e}"

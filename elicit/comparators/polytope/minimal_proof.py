@@ -9,8 +9,8 @@ A decided verdict says that d.e >= 0 for every scale in K_t (BETTER), that -d.e 
 It adds up answered differences d_i, steps of the order and prior inequalities. The sign s_i turns
 each difference to the answered side: s_i d_i . e >= 0, or >= -tie if it was "equal". This is
 duality for the program that minimises d.e (Farkas 1902). The answers and prior inequalities in it
-are irreducible: a deletion filter (Chinneck and Dravnieks 1991) has dropped each that the others
-can do without. So without any one of those listed, the verdict would not follow from the others.
+are irreducible: a deletion filter (Chinneck and Dravnieks 1991) has dropped each that is not
+needed. So without any one of those listed, the verdict would not follow from the others.
 """
 
 from __future__ import annotations
@@ -45,8 +45,9 @@ _MOST_SINGLES = 3  # number of single answers to try in rationals before a set o
 
 
 class Polytope(Comparator, Protocol):
-    """The parts of ``PolytopeComparator`` that an explanation uses; that class imports this
-    module.
+    """The parts of ``PolytopeComparator`` that an explanation uses.
+
+    It stands in for that class, which imports this module.
     """
 
     margin: float
@@ -63,9 +64,9 @@ def explain(d: ArrayLike, comparator: Polytope, labels: Sequence[str] | None = N
     """Return the answers, steps of the order and prior inequalities that force a verdict.
 
     The proof's multipliers are those of an optimal vertex, found in rationals. It has at most k - 2
-    of them. An interior point would leave a small multiplier on every step of the order. Clarabel,
-    made rigorous, does the many tests of which rows can be left out. A proof that needs no margin
-    is preferred.
+    of them. An interior point would leave a small multiplier on every step of the order. Clarabel
+    does the many tests of whether a row can be left out, and each result is proven. A proof that
+    needs no margin is preferred.
 
     Parameters
     ----------
@@ -124,12 +125,11 @@ def explain(d: ArrayLike, comparator: Polytope, labels: Sequence[str] | None = N
 
 
 def _needed(goals: list[Floats], region: Region, comparator: Polytope) -> list[int]:
-    """Return owners of an irreducible set of rows that, with the order, keeps t.g >= 0 for each
-    goal t.
+    """Return owners of an irreducible set of rows that proves t.g >= 0 for each goal t.
 
-    It is sought among few rows first: none, the prior's, one answer's, then those of an optimal
-    vertex. Later answers are dropped first, so that an explanation changes little as more is
-    learned.
+    The order of the levels counts as known. The set is sought among few rows first: none, the
+    prior's, one answer's, then those of an optimal vertex. Later answers are dropped first, so that
+    an explanation changes little as more is learned.
     """
     nothing = np.zeros(len(region.rows), dtype=bool)
     if all(_never_negative(t, region.take(nothing), None) for t in goals):

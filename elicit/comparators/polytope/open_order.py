@@ -1,4 +1,4 @@
-"""A scale of which one step of the order is open: two neighbouring levels, either above the other.
+"""A scale with one open step of the order: either of two neighbouring levels may be the better.
 
 "Worse than dead" is the usual case: some people put a life in constant care below death, and some
 do not. The plausible scales are then the union of two polytopes, one for each order. A verdict is
@@ -28,20 +28,20 @@ from elicit.model.scale import Floats
 
 
 class _Ordered(NamedTuple):
-    """One order: the levels from the worst to the best, and what is known if it is the true one."""
+    """One order of the levels, worst first, and the comparator if it is the true one."""
 
     order: tuple[int, ...]
     scales: PolytopeComparator
 
 
 class OpenOrderComparator:
-    """All scales consistent with the answers, whichever of two neighbouring levels is the better.
+    """All scales consistent with the answers, with two neighbouring levels in either order.
 
-    It is a ``PolytopeComparator`` for each of the two orders. Whatever it decides holds under both,
-    so dominance counts only if neither order contradicts it. ``elicit.choose`` and
+    It holds a ``PolytopeComparator`` for each of the two orders. Its decisions hold under both, so
+    dominance counts only if neither order contradicts it. ``elicit.choose`` and
     ``qlearn.InteractivePolicyIteration`` take it. Other learners need the levels in a fixed order,
-    and refuse it. The comparator is a frozen value.
-    ``elicit.Comparator`` says what its methods take and return.
+    and refuse it. The comparator is a frozen value. ``elicit.Comparator`` says what its methods
+    take and return.
 
     Parameters
     ----------
@@ -63,7 +63,8 @@ class OpenOrderComparator:
     Notes
     -----
     A scale is normalised so that its worst level is worth 0 and its best 1, whichever level is the
-    worst. What two vectors differ by in total counts as time at level 1, as everywhere.
+    worst. If two vectors differ in their totals, the difference counts as time at level 1, as
+    everywhere.
 
     Examples
     --------
@@ -104,11 +105,11 @@ class OpenOrderComparator:
 
     @cached_property
     def values(self) -> Floats:
-        """The central scale (k,), least 0 and greatest 1: it need not rise. Read-only.
+        """The central scale (k,), least 0 and greatest 1. Read-only.
 
-        It is the mean over the orders that are left, weighed by the volume of their scales. If all
-        levels are worth the same in that mean, as two levels of unknown order are, it is the scale
-        of the given order.
+        It need not rise from level to level. It is the mean over the orders that are left, weighed
+        by the volume of their scales. In that mean all levels may be worth the same, as two levels
+        of unknown order are. Then it is the scale of the given order.
         """
         return mean_scale([(order, scales.values) for order, scales in self._parts], self._weights)
 
@@ -132,7 +133,7 @@ class OpenOrderComparator:
 
     @one_thread
     def update(self, answers: Answers) -> OpenOrderComparator:
-        """Return the comparator that also knows these answers. An order that they rule out goes.
+        """Return the comparator that also knows these answers, without orders they contradict.
 
         Raises
         ------
@@ -162,7 +163,7 @@ class OpenOrderComparator:
         return fresh.update(self.answers.without(ids))
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Return verdicts on differences: those on which all orders that are left agree."""
+        """Return verdicts (n,) on differences (n, k), on which all orders left agree."""
         return decide_by(self.rule, self._rows(d), self.settle).verdicts
 
     @property
@@ -184,7 +185,7 @@ class OpenOrderComparator:
 
     @one_thread
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Return outer bounds on d.e over the scales of all orders that are left."""
+        """Return outer bounds (n,) on d.e over the scales of all orders that are left."""
         rows = self._rows(d)
         each = np.array([scales.bounds(rows[:, order]) for order, scales in self._parts])
         return each[:, 0].min(axis=0), each[:, 1].max(axis=0)
@@ -201,7 +202,7 @@ class OpenOrderComparator:
 
 
 def _told(parts: Sequence[_Ordered], answers: Answers) -> list[_Ordered]:
-    """Return the orders that allow the answers, each with what is known then."""
+    """Return the orders that allow the answers, each with a comparator that knows them."""
     left = []
     for order, scales in parts:
         there = Answers(filled_up(answers.d)[:, order], answers.y, answers.ids)
@@ -215,8 +216,7 @@ def _told(parts: Sequence[_Ordered], answers: Answers) -> list[_Ordered]:
 def _explained(
     blank: Sequence[_Ordered], answers: Answers
 ) -> tuple[str, tuple[tuple[int, str], ...], bool]:
-    """Return a sentence, a minimal contradictory set of answers, and whether the margin is to
-    blame."""
+    """Return a sentence, a minimal contradictory set, and whether the margin is to blame."""
 
     def possible(rows: Sequence[int], parts: Sequence[_Ordered]) -> bool:
         chosen: NDArray[np.intp] = np.array(rows, dtype=np.intp)

@@ -1,8 +1,8 @@
 """K_t as a set of gap vectors: the exact sign of t.g over it, and rigorous bounds.
 
 Compiled code decides most signs (``decision.judge_kernel``). The others go to Clarabel, then to the
-simplex method in rationals, whose optimum, multipliers and basis are kept as proofs. ``bounds`` are
-Clarabel's, made rigorous.
+simplex method in rationals, whose optimum, multipliers and basis are kept as proofs. ``bounds``
+come from Clarabel, and every one is proven.
 """
 
 from __future__ import annotations
@@ -57,7 +57,8 @@ class Empty(ValueError):
 class PlausibleSet:
     """The set {g >= margin, sum g = 1, rows g >= rhs}, with everything proven about it so far.
 
-    The set never changes. The proofs about it grow, which changes time only. Raises Empty.
+    The set never changes. The proofs about it grow, which changes CPU time only. Raise Empty if no
+    point satisfies the rows.
     """
 
     _rule: Rule | None = None
@@ -71,10 +72,9 @@ class PlausibleSet:
         self._pruned_to = len(region.rows)
 
     def cut(self, rows: Floats, rhs: Floats, owner: NDArray[np.int64]) -> PlausibleSet:
-        """Return the part of the set that satisfies further rows, without rows that follow from
-        others.
+        """Return the part of the set that satisfies further rows (m, p).
 
-        Raises Empty.
+        Rows that follow from others are left out. Raise Empty if no point satisfies them.
         """
         part = self
         for i in range(len(rows)):
@@ -110,9 +110,7 @@ class PlausibleSet:
         return self._rule
 
     def settle(self, d: Floats) -> Decisions:
-        """Return verdicts (n,) and tiers (n,) of differences d (n, k) that compiled proofs leave
-        open.
-        """
+        """Return verdicts and tiers (n,) of differences (n, k) that compiled proofs leave open."""
         solved = [self._solve(row) for row in d]
         return Decisions(
             np.array([v for v, _ in solved], np.int8),
@@ -138,8 +136,8 @@ class PlausibleSet:
     def bounded(self, d: Floats) -> Floats:
         """Return ``greatest`` of d (n, k), from memory if the last call was about the same d.
 
-        A learner wants the bounds of a round's differences for its proof, then to see which of them
-        are open, then to choose a cut.
+        A learner needs the bounds of a round's differences three times: for its proof, to see which
+        of them are open, and to choose a cut.
         """
         last = self._last
         if last is not None and last[0].shape == d.shape and (last[0] == d).all():
@@ -158,7 +156,7 @@ class PlausibleSet:
         high, reached = greatest(d, self._known)
         if len(self.region.rows):
             if len(rows := self._loose(d, high, reached)):
-                # a walk can fail where another, from a vertex found since, does not
+                # a walk can fail where one from a vertex found since does not
                 again, reached[rows] = greatest(d[rows], self._known)
                 high[rows] = np.minimum(high[rows], again)
             for i in self._loose(d, high, reached):
@@ -166,10 +164,9 @@ class PlausibleSet:
         return high
 
     def greatest_beside(self, d: Floats, asked: Floats, enough: Floats) -> Floats:
-        """Return about the greatest d.e (c, 2, n) over each part into which ``asked`` (c, k)
-        divides the set.
+        """Return about the greatest d.e (c, 2, n) over both parts that a question makes.
 
-        Numbers up to ``enough`` (n,) may be anything up to that.
+        The questions are ``asked`` (c, k). A maximum up to ``enough`` (n,) need not be exact.
         """
         return greatest_beside(d, asked, self._known, enough)
 
@@ -201,7 +198,7 @@ class PlausibleSet:
         return new
 
     def _holds(self, row: Floats, limit: float) -> bool:
-        """Return whether row.g >= limit is known to follow already, so that it changes nothing."""
+        """Return whether row.g >= limit is known to follow from the other rows."""
         if limit == 0:
             with np.errstate(all="ignore"):
                 verdict = sign_of(row, self._known)
@@ -230,8 +227,9 @@ class PlausibleSet:
         return Verdict(int(verdicts_from(np.array([least]), np.array([greatest]))[0])), tier
 
     def _sign_of_least(self, t: Floats, tier: Tier) -> tuple[int, Tier]:
-        """Return the sign of min t.g over the set, by Clarabel if its solution proves it, else in
-        rationals.
+        """Return the sign of min t.g over the set, and its tier.
+
+        Clarabel gives it if its solution proves it. Otherwise it is computed in rationals.
         """
         sign, point = (
             self.programs.sign_of_least(t, self.inside) if self.inside is not None else (0, None)

@@ -2,7 +2,7 @@
 
 It decides where all scales agree that violate the answers nearly as little as possible. An answer
 (d, y) is violated by max(0, -y d.e), or for y = 0 by max(0, |d.e| - tie), in units of e_k - e_1.
-The total f over all answers, each as often as it was given, is convex and piecewise linear, and its
+The total f over all answers, each as often as it was given, is convex and piecewise linear. Its
 least value is a linear program: the fit of a scale by least total violation (LINMAP: Srinivasan and
 Shocker 1973, Psychometrika 38; UTA: Jacquet-Lagreze and Siskos 1982, EJOR 10). The plausible set is
 {f <= B}, where B is that least value plus the slack.
@@ -51,10 +51,10 @@ to (but for 0 with consistent answers), so that {f <= B} is not too thin for flo
 
 _GRID = (
     2.0**-36
-)  # the least violation is rounded up to a multiple of it: a solver's last bits make no difference
-_NEAR = 1e-12  # violations beyond B, and distances of optima from 0, that count as none
-_TIGHT = 3e-10  # largest distance of the least t.g over the cuts below that over {f <= B}
-_PATIENCE = 4  # cuts for one optimum before it is solved for outright
+)  # the least violation is rounded up to a multiple, so that a solver's last bits do not matter
+_NEAR = 1e-12  # smaller violations beyond B, and smaller distances of optima from 0, count as none
+_TIGHT = 3e-10  # largest gap between the least t.g over the cuts and that over {f <= B}
+_PATIENCE = 4  # cuts for one optimum before it is solved for directly
 _MOST_CUTS = 1000  # largest number of cuts for one optimum
 _MOST_POINTS = 1000  # largest number of points of {f <= B} to keep
 _SHARPENED = 20  # rounds in which the greatest of several upper bounds is made tight
@@ -72,8 +72,8 @@ class RelaxedPolytopeComparator:
     BETTER, WORSE and EQUAL are proven. UNKNOWN may also be said if the exact optimum is within
     about 1e-9 |d|_1 of zero. With slack 0 and consistent answers it equals ``PolytopeComparator``.
     Once they are inconsistent, slack 0 leaves the best fit, often one scale alone, which is hardly
-    ever the truth. A slack that the tutor's errors do not exceed in total keeps the truth. An
-    answer that contradicts earlier ones can make a decided difference UNKNOWN again.
+    ever the true one. The true scale stays if the tutor's errors do not exceed the slack in total.
+    An answer that contradicts earlier ones can make a decided difference UNKNOWN again.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ class RelaxedPolytopeComparator:
         return fresh.update(self.answers.without(ids))
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Return verdicts on differences, on which every plausible scale agrees."""
+        """Return verdicts (n,) on differences (n, k), on which every plausible scale agrees."""
         return decide_by(self.rule, as_differences(d, self.k), self.settle).verdicts
 
     @property
@@ -172,14 +172,13 @@ class RelaxedPolytopeComparator:
 
     @one_thread
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
-        """Return upper bounds on d.e over the plausible scales, for all rows at once, and their
-        confidence.
+        """Return upper bounds on d.e that hold for all rows at once, and their confidence.
 
         Returns
         -------
         hi : (n,) in units of e_k - e_1
         confidence : float
-            1 as long as the answers are consistent. After that it is nan, for nothing says how
+            1 as long as the answers are consistent. After that it is nan, because nothing says how
             likely the slack is to be enough.
         """
         high = self._set.simultaneous_bounds(rows := as_differences(d, self.k))[0]
@@ -233,11 +232,10 @@ class RelaxedPolytopeComparator:
         return tuple((int(row), self.answers.ids[row]) for row in np.unique(wrong))
 
     def problems(self, d: ArrayLike) -> tuple[cvxpy.Problem, cvxpy.Problem]:
-        """Return the programs that minimise and maximise d.e over the plausible scales, as cvxpy
-        problems.
+        """Return the programs that minimise and maximise d.e over the plausible scales, for cvxpy.
 
-        They are like those of ``PolytopeComparator.problems``, with a variable "violation" (n,). It
-        says by how much each answer is violated, in units of e_k - e_1.
+        They are like those of ``PolytopeComparator.problems``, with a variable "violation" (n,):
+        the violation of each answer, in units of e_k - e_1.
 
         Parameters
         ----------
@@ -302,8 +300,8 @@ class RelaxedPolytopeComparator:
 class _Sublevel:
     """The set {f <= budget} within the order and the prior.
 
-    Its middle and its best fit (f < budget) are given. It holds points of the set, and a
-    PlausibleSet around it, which is cut as needed.
+    A middle of the order's set and the best fit (f < budget) are given. The object keeps points of
+    the set, and a PlausibleSet around it, which is cut as needed.
     """
 
     def __init__(
@@ -323,9 +321,7 @@ class _Sublevel:
         self.solves = 0
 
     def inherit(self, old: _Sublevel) -> None:
-        """Take over the cuts and points that were known with fewer answers, unless the budget has
-        grown.
-        """
+        """Take over the cuts and points from fewer answers, unless the budget has grown."""
         with np.errstate(over="ignore"):
             budget = np.ldexp(old.budget, old.hinges.exponent - self.hinges.exponent)
         if self.budget <= budget:
@@ -363,8 +359,9 @@ class _Sublevel:
         return self.around.bounds(d)
 
     def simultaneous_bounds(self, d: Floats) -> tuple[Floats, float]:
-        """Return upper bounds (n,) on d.e for valid differences, the greatest of them tight to 1e-9
-        |d|_1.
+        """Return upper bounds (n,) on d.e for valid differences (n, k), and their confidence, 1.
+
+        The greatest of them is tight to 1e-9 |d|_1.
         """
         high = self.around.greatest(d)
         for _ in range(_SHARPENED if len(d) else 0):
@@ -378,8 +375,9 @@ class _Sublevel:
 
     @cached_property
     def draws(self) -> Draws:
-        """Draws from the set around that are within {f <= budget}, and the known points if these
-        are few.
+        """Draws from the set around that are within {f <= budget}.
+
+        If these are few, the known points are added.
         """
         drawn = draws_within(self.around.region, np.diff(self.values))
         within = np.array([self.hinges.total(g) <= self.budget + _NEAR for g in drawn.gaps.T])
@@ -399,8 +397,9 @@ class _Sublevel:
         return values
 
     def _sharpen(self, t: Floats, enough: float) -> None:
-        """Cut until the least t.g over the cuts is that over the set, or a point of the set has t.g
-        < enough.
+        """Cut until the least t.g over the cuts is the least over the set.
+
+        Stop early if a point of the set has t.g < enough.
         """
         for step in range(_MOST_CUTS):
             if step == _PATIENCE:
@@ -417,9 +416,7 @@ class _Sublevel:
                 return
 
     def _jump(self, t: Floats) -> None:
-        """Add the point of the set where t.g is least, and the one cut that its multipliers
-        prove.
-        """
+        """Add the point of the set where t.g is least, and the cut that its multipliers prove."""
         cost = np.append(t, np.zeros(len(self.hinges.rows)))
         found = solve(self.hinges, self.order.region, cost, self.budget)
         self.solves += 1
@@ -432,13 +429,13 @@ class _Sublevel:
             )
 
     def _add(self, row: Floats, limit: float) -> None:
-        if limit > row.min():  # else the order alone implies it
+        if limit > row.min():  # otherwise the order alone implies it
             self.around = self.around.cut(row[None, :], np.array([limit]), np.array([-1]))
 
     def _cut_off(self, g: Floats) -> bool:
-        """Add the point where the way from inside to g leaves the set, and the cut there.
+        """Add the point where the segment from ``inside`` to g leaves the set, and the cut there.
 
-        Returns False if the way does not leave the set, or if rounding leaves too little of the
+        Return False if the segment does not leave the set, or if rounding leaves too little of the
         cut.
         """
         start = self.hinges.lacking(self.inside)
@@ -476,7 +473,7 @@ def _centre(level: _Sublevel) -> Floats:
     m, p = hinges.rows.shape
     flat = rows @ level.middle - limits <= 1e-12 * np.abs(rows).max(
         axis=1
-    )  # rows without room at the middle, which has all the room there is
+    )  # rows without room at the middle have no room anywhere
     along = null_basis(np.concatenate([np.ones((1, p)), rows[flat]]))
     s = np.maximum(hinges.lacking(level.inside), 0.0)
     s += (level.budget - s.sum()) / (m + 1)

@@ -1,4 +1,4 @@
-"""Answers as hinges: how far a scale violates each, and the scale that violates least in total."""
+"""Answers as hinges: the violation of each by a scale, and the scale of least total violation."""
 
 from __future__ import annotations
 
@@ -38,8 +38,9 @@ class Hinges(NamedTuple):
         return Hinges(rows, rhs, owner, np.ldexp(1.0, size - exponent), exponent)
 
     def lacking(self, g: Floats) -> Floats:
-        """Return how far g (p,) violates each row (m,), weighted; negative if it satisfies the row
-        with room.
+        """Return the weighted violation of each row (m,) by g (p,).
+
+        It is negative if g satisfies the row with room.
         """
         return np.asarray(self.weights * (self.rhs - self.rows @ g))
 
@@ -69,8 +70,9 @@ class Hinges(NamedTuple):
 
 
 class HingeSolution(NamedTuple):
-    """HiGHS's solution: g (p,), the multipliers y (m,) >= 0 of the answers' rows, and that of the
-    budget.
+    """HiGHS's solution: g (p,), multipliers y (m,) >= 0 of the answers' rows, and ``price``.
+
+    The price is the multiplier of the budget.
     """
 
     g: Floats
@@ -115,7 +117,7 @@ def best_fit(hinges: Hinges, order: PlausibleSet) -> Floats:
     point = None if order.inside is None else pull_inside(found.g, order.inside, region)
     if point is not None:
         return point
-    # too flat for floats: in rationals, a point of the region that violates no answer by much more
+    # the set is too flat for floats: find in rationals a point that violates no answer by much more
     for room in 100.0 ** np.arange(-6, 2):
         vertex = minimise_exactly(
             np.zeros(p), region.plus(hinges.rows, hinges.rows @ found.g - room, hinges.owner)

@@ -1,7 +1,4 @@
-"""Rounds of policy iteration that look at a sample of the states.
-
-They do so until the sample cannot refute the bound.
-"""
+"""Rounds of policy iteration that look at a sample of states until it cannot refute the bound."""
 
 from __future__ import annotations
 
@@ -37,8 +34,10 @@ class SampledRounds:
         self._worth = np.full(mdp.n_states, 0.5)  # (S,) values under the last central scale
         self._policy: NDArray[np.int64] | None = None
         self._v: Floats | None = None  # (S, k) the policy's value, approximately
-        self._is_rough = False  # whether it is good enough to choose questions only
-        self._total = np.zeros(mdp.n_states)  # the most that can be collected, by the last bounds
+        self._is_rough = False  # True if it is good enough to choose questions only
+        self._total = np.zeros(
+            mdp.n_states
+        )  # greatest total that can be collected, by the last bounds
         small = mdp.n_states <= TUNING.slow
         self._most = TUNING.questions_a_solution if small else TUNING.questions_a_slow_solution
         self._error = TUNING.error * enough
@@ -48,9 +47,9 @@ class SampledRounds:
         self._all: Advantages | None = None
 
     def round(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
-        """Return what ``ExactRounds.round`` does.
+        """Return the result of ``ExactRounds.round``.
 
-        The bound may be inf also because it was not computed.
+        The bound may also be inf because it was not computed.
         """
         self._asked += 1
         if (
@@ -119,22 +118,22 @@ class SampledRounds:
     def _too_much(self, over: Advantages, comparator: Comparator) -> bool:
         """Return whether too many draws refute the bound.
 
-        A draw does if some alternative, taken once, gains more than is enough. Then no bound can be
-        small enough, and these alternatives are what to ask about.
+        A draw refutes it if some alternative, taken once, gains more than ``enough``. Then no bound
+        can be small enough, and these alternatives are the ones to ask about.
         """
         draws, trusted = draws_of(comparator), drawn_set(comparator)
         scores = product(tail_sums(over.d), draws.gaps)
         too_much = scores > self._enough
         too_much[scores.min(axis=1) >= 0] = (
-            False  # all draws agree on these: the next policy takes them
+            False  # all draws agree on these, so that the next policy takes them
         )
         beyond = product(too_much.any(axis=0), draws.weights)
         return bool(beyond > (0.0 if trusted is None else 1.0 - trusted[1] + LEVEL_ROUNDING))
 
     def look_further(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
-        """Bound all advantages, over a policy for the central scale.
+        """Bound all advantages over a policy for the central scale.
 
-        Those with the greatest bounds are kept.
+        The ones with the greatest bounds are kept for questions.
         """
         if self._asked:
             self._solve(best_guess(comparator))

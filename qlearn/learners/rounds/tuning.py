@@ -19,25 +19,31 @@ class Tuning:
     taken once, it then costs that much. With the least advantage that could ever matter, tolerance
     (1 - discount), a fifth more questions were asked."""
 
-    signs: int = 12  # advantages, the best to ask about, whose signs a simple question should tell
-    # mixtures of levels, asked about once all pairs are: the days of one, the first of which there
-    # are not too many questions to weigh
+    signs: int = (
+        12  # number of the best advantages to ask about whose signs a simple question should tell
+    )
+    # days of the mixtures of levels that are asked about once all pairs are; the first number that
+    # leaves few enough questions to compute is taken
     days: tuple[int, ...] = (60, 24, 12, 6, 4, 2)
     mixtures: int = 5000
     # cuts are asked if at most this weight of the scales sees a better action
     undecided: float = 0.25
     confirming: float = 0.5  # the same for questions that confirm answers which may be wrong
-    closed: int = 200  # advantages, those with the greatest bounds, that a cut is meant to close
-    close: float = 0.3  # the part of the tolerance to which a cut should bring them down
+    closed: int = (
+        200  # number of advantages, those with the greatest bounds, that a cut is meant to close
+    )
+    close: float = 0.3  # the part of the tolerance to which a cut should reduce them
 
     sample: int = 1000  # states in a sample
-    pool: int = 4000  # advantages, those with the greatest bounds, that a question may be about
-    questions_a_solution: int = 4  # after which the policy is solved for again
+    pool: int = (
+        4000  # number of advantages, those with the greatest bounds, that a question may be about
+    )
+    questions_a_solution: int = 4  # questions until the policy is solved for again
     questions_a_slow_solution: int = 8  # the same for models of more than ``slow`` states
     slow: int = 30_000  # states
     error: float = 0.02  # the part of the tolerance that errors in V and in the bound may use up
-    # while questions are chosen, V may err by so many times more than in a proof: two sweeps of
-    # eleven are saved
+    # factor by which the error of V may be larger while questions are chosen than in a proof: it
+    # saves two sweeps of eleven
     rough: float = 10.0
 
 
