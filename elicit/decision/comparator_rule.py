@@ -48,7 +48,7 @@ class Settling(Protocol):
 @cache
 def nothing() -> Rule:
     """Return a rule without arrays: beyond dominance, only the comparator itself can decide."""
-    known = nothing_known(0.0, np.empty((0, 0)), np.empty(0), corners=0)
+    known = nothing_known(0.0, np.empty((0, 0)), np.empty(0), vertices=0)
     return Rule(NOTHING, True, known, np.empty((0, 0)), np.empty(0), 0.0)
 
 

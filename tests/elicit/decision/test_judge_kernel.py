@@ -73,7 +73,7 @@ def test_what_lies_above_a_certificate_has_its_verdict(name: str) -> None:
     for row, t in zip(d := pairs(rng, K, 300), tail_sums(d), strict=True):
         for _ in range(
             2
-        ):  # of a corner that a walk finds, the second judgement makes the certificate
+        ):  # of a vertex that a walk finds, the second judgement makes the certificate
             low = np.empty(K - 1)
             verdict, _, certified = judge(row, t.copy(), 0.0, low, rule_of(comparator))
         if not certified:
