@@ -19,7 +19,7 @@ from elicit import (
     Verdict,
     decide,
 )
-from elicit.decision.comparator_rule import NOTHING, PROVEN, nothing, rule_of
+from elicit.decision.comparator_rule import NO_ARRAYS, PROVEN, nothing, rule_of
 from elicit.decision.judge_kernel import certifies, judge, within
 from elicit.decision.verdicts import decide_by
 from elicit.model.difference_kernel import UNSETTLED
@@ -161,6 +161,6 @@ def test_a_class_that_compares_in_its_own_way_has_no_rule() -> None:
     class Named(PolytopeComparator):
         pass
 
-    assert rule_of(Blind(K)).kind == NOTHING
+    assert rule_of(Blind(K)).kind == NO_ARRAYS
     assert (decide(Blind(K), np.eye(K)[:2]).verdicts == Blind(K).compare(np.eye(K)[:2])).all()
     assert rule_of(Named(K)).kind == rule_of(PolytopeComparator(K)).kind == PROVEN
