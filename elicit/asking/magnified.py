@@ -14,7 +14,7 @@ from elicit.asking.elicitation import Pair
 from elicit.model.scale import Floats
 
 Shown: TypeAlias = Literal["magnified", "as they are"]
-"""How the two sides of a pair are put to the tutor."""
+"""The way in which the two sides of a pair are put to the tutor."""
 
 MAGNIFIED: Final[Literal["magnified"]] = "magnified"
 AS_THEY_ARE: Final[Literal["as they are"]] = "as they are"

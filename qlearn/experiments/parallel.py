@@ -1,10 +1,9 @@
 """Many runs at once: one function over many cells, on all cores or on a cluster.
 
-A journal lets the same call go on from what has finished.
-
-Only the calling process writes the journal, so that workers need no common disk. A row's key is a
-hash of all that it depends on, and a journal may hold rows of other settings, which are left alone:
-to add seeds, or to go back to earlier settings, computes only what is missing.
+A journal lets the same call go on after an interruption. Only the calling process writes it, so
+that workers need no common disk. A row's key is a hash of all that the row depends on. A journal
+may hold rows of other settings, which are left alone. So adding seeds, or going back to earlier
+settings, computes only the missing rows.
 """
 
 from __future__ import annotations
@@ -35,8 +34,8 @@ _START = b'{"key": "'  # of every line of a journal
 class Interrupted(KeyboardInterrupt):
     """Ctrl-C during a sweep.
 
-    ``rows`` has the row of each cell in its place, None where it had not finished; ``frame`` is the
-    table of those that had, where the sweep was to make one.
+    ``rows`` has the row of each cell in its place, or None if it had not finished. ``frame`` is the
+    table of the finished rows, if the sweep was to make one.
     """
 
     def __init__(self, rows: list[Any]) -> None:
@@ -156,7 +155,7 @@ def _json(value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Numpy's numbers and arrays as Python's."""
+    """Return NumPy's numbers and arrays as Python's."""
     if hasattr(value, "tolist"):
         return value.tolist()
     raise TypeError(
@@ -167,7 +166,7 @@ def _plain(value: Any) -> Any:
 def _computed(
     calls: Iterator[tuple[Callable[..., Any], tuple[Any, ...]]], jobs: int | None
 ) -> Generator[Any]:
-    """Yield the results of calls, as they come, in any order."""
+    """Yield the results of calls as they come, in any order."""
     import joblib
     from joblib.parallel import LokyBackend, get_active_backend
 
@@ -234,10 +233,10 @@ def _end_with(parent: int) -> None:
 def _journal(
     path: Path, fresh: bool
 ) -> Iterator[tuple[dict[str, Any], Callable[[str, str], None]]]:
-    """The rows of a journal by their keys, and what appends one, given as JSON on one line.
+    """Return the rows of a journal by their keys, and a function that appends one.
 
-    A last line that was cut short is removed: its row has not finished. Makes the folders that it
-    lies in.
+    A row is given as JSON on one line. A last line that was cut short is removed, because its row
+    has not finished. Missing folders are made.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("ab+") as file:
@@ -268,10 +267,10 @@ def _journal(
 
 
 def _lock(file: BinaryIO, path: Path) -> None:
-    """Hold the file until it is closed, or the process is gone.
+    """Lock the file until it is closed, or the process has ended.
 
-    Where the system has no file locks two processes append whole lines of equal rows, and only time
-    is lost.
+    If the system has no file locks, two processes may append equal rows as whole lines. Then only
+    time is lost.
     """
     if sys.platform != "win32":
         try:

@@ -159,7 +159,7 @@ class OrdinalMDP:
         self._freeze()  # unpickled arrays are writeable
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        """Itself, for it never changes: to copy a learner does not copy its problem."""
+        """Return itself: it never changes, so that copying a learner does not copy its problem."""
         return self
 
     @classmethod
@@ -274,12 +274,12 @@ class OrdinalMDP:
 
     @property
     def n_states(self) -> int:
-        """S."""
+        """Number of states, S."""
         return int(self.levels.shape[0])
 
     @property
     def n_actions(self) -> int:
-        """A."""
+        """Number of actions, A."""
         return int(self.levels.shape[1])
 
     @property
@@ -289,7 +289,7 @@ class OrdinalMDP:
 
     @cached_property
     def final_level(self) -> Indices:
-        """(S,) a terminal state's level; -1 where the state is not terminal."""
+        """Level (S,) of each terminal state; -1 if a state is not terminal."""
         first = np.argmax(self.admissible, axis=1)
         level: Indices = np.where(
             self.terminal, self.levels[np.arange(self.n_states), first], -1
@@ -299,9 +299,9 @@ class OrdinalMDP:
 
     @cached_property
     def transitions(self) -> sparse.csr_array:
-        """P as CSR (S*A, S); row s*A + a belongs to (s, a).
+        """P as CSR (S*A, S). Row s*A + a belongs to (s, a).
 
-        An admissible action of a terminal state loops; the row of an inadmissible action is empty.
+        An admissible action of a terminal state loops. The row of an inadmissible action is empty.
         Do not write to it.
         """
         n, m, b = self.probabilities.shape
@@ -313,7 +313,7 @@ class OrdinalMDP:
         )
         if (
             not used.all()
-        ):  # else the arrays themselves: at a million states a copy would be a gigabyte
+        ):  # otherwise the arrays themselves: at a million states a copy would be a gigabyte
             p, column = p[used], column[used]
         matrix = sparse.csr_array(
             (p, column.astype(ends.dtype, copy=False), ends), shape=(n * m, n)
@@ -333,7 +333,7 @@ class OrdinalMDP:
         return str(action) if self.action_names is None else self.action_names[action]
 
     def normalise(self, values: ArrayLike) -> Floats:
-        """Values (k,), one a level and increasing, as a scale from 0 to 1. Raises ValueError."""
+        """Return increasing values (k,), one a level, as a scale from 0 to 1, or raise ValueError."""
         scale = normalise(values)
         if scale.size != self.k:
             raise ValueError(f"values must be {self.k} numbers, one a level, not {scale.size}")
@@ -342,25 +342,24 @@ class OrdinalMDP:
     def rewards(self, values: ArrayLike) -> Floats:
         """Return numeric rewards r(s, a) (S, A) if level i is worth values[i].
 
-        They are in the unit of ``values``.
-
-        values (k,) must increase; they are used as they are. Any solver for standard MDPs takes the
-        result, together with ``transitions`` and ``discount``. Raises ValueError.
+        They are in the unit of ``values`` (k,), which must increase and are used as they are. Any
+        solver for standard MDPs takes the result, together with ``transitions`` and ``discount``.
+        Raise ValueError.
         """
         self.normalise(values)
         r: Floats = np.asarray(values, dtype=np.float64)[self.levels]
         return r
 
     def vector_rewards(self) -> Floats:
-        """(S, A, k) one-hot: component i is 1 where the level of (s, a) is i (section 2.2)."""
+        """One-hot rewards (S, A, k): component i is 1 if the level of (s, a) is i (section 2.2)."""
         one_hot: Floats = np.eye(self.k)[self.levels]
         return one_hot
 
     @cached_property
     def fingerprint(self) -> str:
-        """Hash (32 hex digits) of all that is stored, but for names of states and actions.
+        """Hash (32 hex digits) of all that is stored, except the names of states and actions.
 
-        It is the same everywhere.
+        It is the same on every machine.
         """
         digest = hashlib.blake2b(repr((self.discount, self.labels)).encode(), digest_size=16)
         arrays = ("successors", "probabilities", "levels", "initial", "terminal", "admissible")
