@@ -37,29 +37,54 @@ class _AllParts(_Parts, total=False):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class OrdinalMDP:
-    """An MDP whose reward is one of k named levels, worst first; what a level is worth is unknown.
+    """An MDP whose reward is one of k named levels, worst first, of unknown value.
 
-    ``successors`` (S, A, b) state indices and ``probabilities`` (S, A, b): the next state after
-    action a in state s is ``successors[s, a, j]`` with probability ``probabilities[s, a, j]``. A
-    successor may appear twice in a row; its probabilities add. Shorter rows are padded with
-    probability 0. ``levels`` (S, A) int in 0..k-1, ``discount`` in [0, 1), ``labels`` the k names.
-    ``initial`` (S,) is where episodes start (default: uniform over the states that are not
-    terminal), ``terminal`` (S,) bool where they end (default: nowhere), and ``admissible`` (S, A)
-    bool which actions there are (default: all). ``state_names`` (S names) and ``action_names`` (A
-    names) are for people: queries say them in place of numbers; the ``fingerprint`` leaves them
-    out, so that a log goes on when a name is corrected. Array-likes are accepted and copied, but
-    for arrays of the stored type that are read-only and own their memory; the stored arrays are
-    read-only.
+    Array-likes are accepted and copied. Arrays of the stored type that are read-only and own their
+    memory are not copied. The stored arrays are read-only.
 
+    Parameters
+    ----------
+    successors : (S, A, b) int
+        The next state after action a in state s is ``successors[s, a, j]`` with probability
+        ``probabilities[s, a, j]``. A successor may appear twice in a row; its probabilities add.
+    probabilities : (S, A, b)
+        Shorter rows are padded with probability 0.
+    levels : (S, A) int
+        From 0 to k - 1.
+    discount : float
+        In [0, 1).
+    labels : (k,) str
+        The names of the levels.
+    initial : (S,), optional
+        The distribution of an episode's first state. Default: uniform over the states that are not
+        terminal.
+    terminal : (S,) bool, optional
+        The states where episodes end. Default: none.
+    admissible : (S, A) bool, optional
+        The actions that there are. Default: all.
+    state_names : (S,) str, optional
+    action_names : (A,) str, optional
+        Names for people, which queries use in place of numbers. The ``fingerprint`` leaves them
+        out, so that a log still fits when a name is corrected.
+
+    Raises
+    ------
+    ValueError
+        For a value that cannot be. The message names its index.
+    TypeError
+        For anything that is no array of numbers.
+
+    Notes
+    -----
     A terminal state's value is its level for ever, so its levels must agree over its admissible
-    actions. What is never read needs no valid entries and is overwritten: the rows of a terminal
-    state by a self-loop, those of an inadmissible action by probability 0 throughout, and the
-    successors of padding by the row's last real one, where a sampler that runs off the end by
-    rounding then lands. Rows (and ``initial``) that sum to 1 within 1e-9 but not within 1e-12 are
-    divided by their sum.
+    actions.
 
-    Raises ValueError (or TypeError for what is no array of numbers), naming the index and the
-    value.
+    Entries that are never read need not be valid, and are overwritten. The rows of a terminal state
+    become a self-loop. Those of an inadmissible action get probability 0 throughout. The successors
+    of padding become the row's last real one: a sampler that runs off the end by rounding gets
+    that.
+
+    Rows (and ``initial``) that sum to 1 within 1e-9 but not within 1e-12 are divided by their sum.
     """
 
     successors: NDArray[np.integer[Any]]  # int32 once stored
@@ -194,10 +219,10 @@ class OrdinalMDP:
         """Make an MDP from sparse ``transitions``.
 
         They are one SciPy matrix (S*A, S) whose row s*A + a belongs to (s, a), as in
-        ``OrdinalMDP.transitions``, or a sequence of A matrices (S, S), one an action.
+        ``OrdinalMDP.transitions``, or a sequence of A matrices (S, S), one for each action.
 
-        Rows are stored at the length of the longest, so one state with very many successors costs
-        memory for all. Raises ValueError.
+        Rows are stored at the length of the longest. So one state with very many successors takes
+        memory for all. Raise ValueError.
         """
         matrix = tables.from_sparse(transitions)
         n = matrix.shape[1]
@@ -230,11 +255,11 @@ class OrdinalMDP:
     ) -> OrdinalMDP:
         """Make an MDP from its L state-action pairs, as QuantEcon's DiscreteDP takes them.
 
-        ``levels`` (L,) stands in place of its rewards R, and ``transitions`` (L, S), sparse or
-        dense, in place of Q. ``s_indices`` and ``a_indices`` (L,) are the state and the action of
-        each pair, in any order. ``rest``: initial, terminal, state_names, action_names. A pair that
-        is not listed is inadmissible. Raises ValueError for pairs out of range or listed twice, and
-        for a state without any.
+        ``levels`` (L,) takes the place of its rewards R, and ``transitions`` (L, S), sparse or
+        dense, that of Q. ``s_indices`` and ``a_indices`` (L,) are the state and the action of each
+        pair, in any order. ``rest`` may hold initial, terminal, state_names and action_names. A
+        pair that is not listed is inadmissible. Raise ValueError for pairs out of range or listed
+        twice, and for a state without any.
         """
         matrix, each, listed = tables.from_pairs(
             levels, transitions, s_indices, a_indices, len(labels)
@@ -256,19 +281,19 @@ class OrdinalMDP:
 
         ``env.unwrapped.P`` has ``P[s][a]`` a list of (probability, next state, reward, terminated).
 
-        ``levels`` says what the rewards mean: the rewards, worst first, or a mapping from reward to
-        the name of its level, several rewards to one name if need be; ``labels`` then are these
-        names, worst first (default: as they first appear in the mapping). By default the distinct
-        rewards in increasing order are the levels. Once an episode has ended, every further step
-        counts as one of reward ``after``, which needs a level too.
+        ``levels`` gives the meaning of the rewards. It is the rewards, worst first, or a mapping
+        from reward to the name of its level, in which several rewards may have one name. With a
+        mapping, ``labels`` are these names, worst first (default: as they first appear in the
+        mapping). By default the distinct rewards in increasing order are the levels. After the end
+        of an episode every further step counts as one of reward ``after``, which needs a level too.
 
-        States 0..n-1 are the environment's, so a policy's first n entries are a policy for it; what
-        is appended are states after the end. Where a reward depends on the next state, it is
-        counted on arrival, one step later: this changes no preference between two policies, and
-        scales their differences by ``discount``. A state that can be entered with different rewards
-        is appended once for each further one. ``initial`` is by default
-        ``env.unwrapped.initial_state_distrib`` where there is one. Raises TypeError where there are
-        no tables, ValueError for a reward without a level.
+        States 0..n-1 are the environment's, so a policy's first n entries are a policy for it.
+        States after the end are appended. If a reward depends on the next state, it is counted on
+        arrival, one step later. This changes no preference between two policies, and scales their
+        differences by ``discount``. A state that can be entered with different rewards is appended
+        once for each further one. ``initial`` is by default
+        ``env.unwrapped.initial_state_distrib``, if there is one. Raise TypeError if there are no
+        tables, and ValueError for a reward without a level.
         """
         return cls(**gymnasium_tables.read(env, discount, levels, labels, initial, after))
 
@@ -333,7 +358,7 @@ class OrdinalMDP:
         return str(action) if self.action_names is None else self.action_names[action]
 
     def normalise(self, values: ArrayLike) -> Floats:
-        """Return increasing values (k,), one a level, as a scale from 0 to 1, or raise ValueError."""
+        """Return increasing values (k,), one a level, as a scale from 0 to 1. Raise ValueError."""
         scale = normalise(values)
         if scale.size != self.k:
             raise ValueError(f"values must be {self.k} numbers, one a level, not {scale.size}")
