@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from elicit._support.hashing import Seed
 from elicit._support.validation import is_number, is_whole
 from elicit.comparators.baselines import AlwaysAsk
-from elicit.decision.comparator_rule import NOTHING, Rule, compares_by_rule, rule_of
+from elicit.decision.comparator_rule import NO_ARRAYS, Rule, compares_by_rule, rule_of
 from elicit.decision.verdicts import decide
 from elicit.model.comparator import Comparator, Tier, is_comparator, offers
 from elicit.model.comparator_parts import (
@@ -310,8 +310,8 @@ def _check_verdicts(comparator: Comparator, d: Floats) -> None:
     plain = dominance(tail_sums(d))
     rule = rule_of(comparator)
     alone = (
-        isinstance(rule, Rule) and rule.kind != NOTHING and not rule.dominance
-    )  # with NOTHING ``settle`` decides
+        isinstance(rule, Rule) and rule.kind != NO_ARRAYS and not rule.dominance
+    )  # with NO_ARRAYS ``settle`` decides
     if alone or unordered_of(comparator) is not None:
         plain = np.where(plain == Verdict.EQUAL, plain, np.int8(Verdict.UNKNOWN))
     settled = plain != Verdict.UNKNOWN

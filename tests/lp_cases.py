@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from elicit import Answers, PolytopeComparator
 from elicit.lp import region as floats
 from elicit.lp.dual_simplex import minimise, minimise_exactly
-from elicit.lp.primal_simplex import CERTAIN_POINT, DOUBTFUL_CORNER, USED, Known
+from elicit.lp.primal_simplex import CERTAIN_POINT, DOUBTFUL_VERTEX, USED, Known
 from elicit.lp.rounding import EPS
 from elicit.lp.vertex_store import start
 from elicit.model.difference import MOST
@@ -708,7 +708,7 @@ def check_proofs(c: PolytopeComparator) -> None:
         assert least_slack(normalised(known.inside)) > 0
     used = known.counts[USED]
     for point, kind in zip(known.points[:, :used].T, known.kind[:used], strict=True):
-        if kind != DOUBTFUL_CORNER:  # points of exact optima are right to their last bits
+        if kind != DOUBTFUL_VERTEX:  # points of exact optima are right to their last bits
             assert least_slack(normalised(point)) >= -(kept.p + 8) * Fraction(EPS) * (
                 kind == CERTAIN_POINT
             )

@@ -1,9 +1,9 @@
 """Decides comparisons for a learner, and chooses which ones to put to the tutor.
 
-It is given differences, and gives back verdicts or the word that the tutor must be asked; it is
-told on which verdicts its user acted. Here lives everything that is the same whoever asks: what the
-comparator knows, indifference, the question budget, audits, "cannot tell", "about equal", never
-asking a pair twice, and the counts.
+It takes differences, and returns verdicts or says that the tutor must be asked. Its user reports
+the verdicts that were acted on. It holds everything that all askers share: the comparator's
+knowledge, indifference, the question budget, audits, "cannot tell", "about equal", never asking a
+pair twice, and the counts.
 """
 
 from collections import Counter

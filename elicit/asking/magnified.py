@@ -14,14 +14,14 @@ from elicit.asking.elicitation import Pair
 from elicit.model.scale import Floats
 
 Shown: TypeAlias = Literal["magnified", "as they are"]
-"""How the two sides of a pair are put to the tutor."""
+"""The way in which the two sides of a pair are put to the tutor."""
 
 MAGNIFIED: Final[Literal["magnified"]] = "magnified"
 AS_THEY_ARE: Final[Literal["as they are"]] = "as they are"
 
 _SLACK = 1e-9
-"""A share of the total by which a multiple may exceed the room for it: sums are rounded, and which
-power of two is taken must not hang on that."""
+"""A share of the total by which a multiple may exceed the room for it: sums are rounded, and
+the choice of the power of two must not depend on that."""
 
 _MOST = 2.0**20
 """The greatest multiple: it enlarges the rounding of shares, about 1e-16, to 1e-10 at most, so that

@@ -14,7 +14,7 @@ from elicit.lp.primal_simplex import Known, nothing_known
 from elicit.model.comparator import Comparator, Decisions
 from elicit.model.scale import Floats
 
-NOTHING, ASKING, SILENT, PROVEN, OUTER, WEIGHTED, ENSEMBLE, BOX = range(8)
+NO_ARRAYS, ALWAYS_ASK, ORDER_ONLY, PROVEN, OUTER, WEIGHTED, ENSEMBLE, BOX = range(8)
 PROOFS = (PROVEN, OUTER)  # the kinds whose arrays compiled code writes to
 
 
@@ -48,8 +48,8 @@ class Settling(Protocol):
 @cache
 def nothing() -> Rule:
     """Return a rule without arrays: beyond dominance, only the comparator itself can decide."""
-    known = nothing_known(0.0, np.empty((0, 0)), np.empty(0), corners=0)
-    return Rule(NOTHING, True, known, np.empty((0, 0)), np.empty(0), 0.0)
+    known = nothing_known(0.0, np.empty((0, 0)), np.empty(0), vertices=0)
+    return Rule(NO_ARRAYS, True, known, np.empty((0, 0)), np.empty(0), 0.0)
 
 
 def unaided() -> Rule:
@@ -59,12 +59,12 @@ def unaided() -> Rule:
 
 def asking() -> Rule:
     """Return the rule of a comparator that knows nothing: all is UNKNOWN but what is EQUAL."""
-    return nothing()._replace(kind=ASKING, dominance=False)
+    return nothing()._replace(kind=ALWAYS_ASK, dominance=False)
 
 
 def silent() -> Rule:
     """Return the rule that knows the order of the levels only: all else is UNKNOWN."""
-    return nothing()._replace(kind=SILENT)
+    return nothing()._replace(kind=ORDER_ONLY)
 
 
 def proven(known: Known) -> Rule:

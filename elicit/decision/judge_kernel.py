@@ -13,12 +13,12 @@ import numpy as np
 
 from elicit._support.jit import compiled
 from elicit.decision.comparator_rule import (
-    ASKING,
+    ALWAYS_ASK,
     BOX,
     ENSEMBLE,
+    ORDER_ONLY,
     OUTER,
     PROVEN,
-    SILENT,
     WEIGHTED,
     Rule,
 )
@@ -108,9 +108,9 @@ def judge(d: Any, t: Any, shift: float, certificate: Any, rule: Rule) -> tuple[i
         return by_count(t, shift, rule.scales, int(rule.level)), BY_MODEL, False
     if kind == BOX:
         return by_box(d, shift, rule.scales), BY_MODEL, False
-    if kind == ASKING and shift == 0.0:
+    if kind == ALWAYS_ASK and shift == 0.0:
         return UNKNOWN, BY_MODEL, False
-    if kind in (SILENT, ASKING):
+    if kind in (ORDER_ONLY, ALWAYS_ASK):
         for j in range(len(t)):
             t[j] += shift
         return by_dominance(t), BY_MODEL, False

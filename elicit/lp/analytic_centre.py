@@ -125,20 +125,20 @@ def _relative_interior(shape: _Shape, region: Region) -> tuple[Floats, _Hull]:
     of exact vertices, one for each constraint in which the mean so far has no room.
     """
     m = len(shape.rows)
-    corners: list[Numbers] = [minimise_exactly(-shape.rows[0], region).g]
+    vertices: list[Numbers] = [minimise_exactly(-shape.rows[0], region).g]
     flat = np.zeros(m, dtype=bool)
     for i in range(m):
-        mean = (np.sum(corners, axis=0) / len(corners)).astype(np.float64)
+        mean = (np.sum(vertices, axis=0) / len(vertices)).astype(np.float64)
         if product(shape.rows[i], mean) - shape.limits[i] > _FLAT * shape.size[i]:
             continue
-        corner = minimise_exactly(-shape.rows[i], region).g
+        vertex = minimise_exactly(-shape.rows[i], region).g
         flat[i] = (
-            float(product(shape.rows[i], corner.astype(np.float64))) - shape.limits[i]
+            float(product(shape.rows[i], vertex.astype(np.float64))) - shape.limits[i]
             <= _FLAT * shape.size[i]
         )
         if not flat[i]:
-            corners.append(corner)
-    mean = (np.sum(corners, axis=0) / len(corners)).astype(np.float64)
+            vertices.append(vertex)
+    mean = (np.sum(vertices, axis=0) / len(vertices)).astype(np.float64)
     return mean, _Hull(flat, shape.rows[flat], product(shape.rows[flat], mean))
 
 

@@ -103,20 +103,20 @@ def minimise_exactly(t: Floats, region: Region) -> Vertex:
     p, m = region.p, len(region.rows)
     goal, unit = _integers(t)
     goals = np.stack([goal, _integers(_tie_break(p))[0]])
-    corner = _Corner.at(region, minimise(t, region).basis)
-    if corner is None or any((y, z) < (0, 0) for y, z in (goals @ corner.inverse)[:, 1:].T):
-        corner = _Corner(region, min(range(p), key=lambda j: tuple(goals[:, j])))
+    vertex = _IntegerVertex.at(region, minimise(t, region).basis)
+    if vertex is None or any((y, z) < (0, 0) for y, z in (goals @ vertex.inverse)[:, 1:].T):
+        vertex = _IntegerVertex(region, min(range(p), key=lambda j: tuple(goals[:, j])))
     weights = np.full(m, Fraction(0))
     for step in count():
         by_index = step > 50 + 10 * p
-        entering = corner.violated(by_index)
+        entering = vertex.violated(by_index)
         if entering is None:
             break
         w, prices = (
-            corner.row(entering)[0] @ corner.inverse,
-            goals[: 1 if by_index else 2] @ corner.inverse,
+            vertex.row(entering)[0] @ vertex.inverse,
+            goals[: 1 if by_index else 2] @ vertex.inverse,
         )
-        active = corner.active
+        active = vertex.active
         keys = {
             i: [*(prices[:, i + 1] * Fraction(1, w[i + 1])), c]
             for i, c in enumerate(active)
@@ -128,16 +128,16 @@ def minimise_exactly(t: Floats, region: Region) -> Vertex:
             return Vertex(
                 End.EMPTY, Fraction(0), np.full(p, Fraction(0)), weights, tuple(active), support
             )
-        corner.pivot(entering, min(keys, key=keys.__getitem__))
-    for c, weight in zip(corner.active, (goal @ corner.inverse)[1:], strict=True):
+        vertex.pivot(entering, min(keys, key=keys.__getitem__))
+    for c, weight in zip(vertex.active, (goal @ vertex.inverse)[1:], strict=True):
         if c >= p:
-            weights[c - p] = Fraction(weight * corner.row(c)[2], corner.denominator * unit)
-    numerators, denominator = corner.point()
+            weights[c - p] = Fraction(weight * vertex.row(c)[2], vertex.denominator * unit)
+    numerators, denominator = vertex.point()
     g: Numbers = np.array([Fraction(x, denominator) for x in numerators], dtype=object)
-    return Vertex(End.OPTIMAL, goal @ g / unit, g, weights, tuple(corner.active))
+    return Vertex(End.OPTIMAL, goal @ g / unit, g, weights, tuple(vertex.active))
 
 
-class _Corner:
+class _IntegerVertex:
     """A vertex where p - 1 of the constraints are active.
 
     The inverse of their integer matrix is ``inverse`` / ``denominator``, both integers, with
@@ -153,23 +153,23 @@ class _Corner:
         self._rows: dict[int, tuple[Numbers, int, int]] = {}
 
     @staticmethod
-    def at(region: Region, basis: tuple[int, ...]) -> "_Corner | None":
+    def at(region: Region, basis: tuple[int, ...]) -> "_IntegerVertex | None":
         """Return the vertex of these active constraints, or None if they are linearly dependent."""
         p = region.p
         gaps = {c for c in basis if c < p}
-        corner = _Corner(region, min(set(range(p)) - gaps))
+        vertex = _IntegerVertex(region, min(set(range(p)) - gaps))
         for c in basis:
             if c >= p:
-                w = corner.row(c)[0] @ corner.inverse
+                w = vertex.row(c)[0] @ vertex.inverse
                 free = [
                     i
-                    for i, old in enumerate(corner.active)
+                    for i, old in enumerate(vertex.active)
                     if old < p and old not in gaps and w[i + 1] != 0
                 ]
                 if not free:
                     return None
-                corner.pivot(c, free[0])
-        return corner
+                vertex.pivot(c, free[0])
+        return vertex
 
     def row(self, c: int) -> tuple[Numbers, int, int]:
         """Return constraint c in integers: coefficients (p,), limit, and their common factor."""

@@ -16,7 +16,7 @@ from elicit.lp.rounding import EPS, bound_of, pulled_inside, score_doubt, slacks
 from elicit.model.difference_kernel import largest
 from elicit.model.scale import Floats
 
-CERTAIN_POINT, CORNER, DOUBTFUL_CORNER = 0, 1, 2
+CERTAIN_POINT, VERTEX, DOUBTFUL_VERTEX = 0, 1, 2
 """Use of a known vertex: its point alone, its point and its basis, or its basis alone. A later cut
 may have removed the vertex itself, and left the point beside it. So a basis is a place to start
 from, and proves nothing."""
@@ -53,7 +53,7 @@ class Known(NamedTuple):
     counts: NDArray[np.int64]  # (3,)
 
 
-def nothing_known(margin: float, rows: Floats, limits: Floats, corners: int) -> Known:
+def nothing_known(margin: float, rows: Floats, limits: Floats, vertices: int) -> Known:
     """Return the definition of K_t, rows (m, p) and limits (m,), with room for vertices."""
     p = rows.shape[1]
     return Known(
@@ -65,11 +65,11 @@ def nothing_known(margin: float, rows: Floats, limits: Floats, corners: int) -> 
         masks=np.empty(0, dtype=np.uint64),
         inside=np.full(p, np.nan),
         room=np.full(p + len(rows), np.nan),
-        points=np.zeros((p, corners)),
-        inverses=np.zeros((corners, p, p)),
-        active=np.zeros((corners, max(0, p - 1)), dtype=np.int64),
-        kind=np.zeros(corners, dtype=np.int8),
-        age=np.zeros(corners, dtype=np.int64),
+        points=np.zeros((p, vertices)),
+        inverses=np.zeros((vertices, p, p)),
+        active=np.zeros((vertices, max(0, p - 1)), dtype=np.int64),
+        kind=np.zeros(vertices, dtype=np.int8),
+        age=np.zeros(vertices, dtype=np.int64),
         counts=np.zeros(3, dtype=np.int64),
     )
 
@@ -96,7 +96,7 @@ def walk(s: Any, start: int, known: Known, out: Any, target: float) -> int:
         is_active[active[0, i]] = True
     y, rest, g = np.empty(p), np.empty(p), np.empty(p)
     slack, rate = np.empty(p + m), np.empty(p + m)
-    corner_of(inverse[0], active[0], known, g)
+    vertex_of(inverse[0], active[0], known, g)
     slacks_of(g, known.margin, known.cuts, known.limits, slack)
     tried = False
     for step in range(50 + 10 * p):
@@ -178,7 +178,7 @@ def keep(s: Any, g: Any, slack: Any, inverse: Any, active: Any, age: int, known:
             known.inverses[q, j, i] = inverse[j, i]
     for i in range(len(active)):
         known.active[q, i] = active[i]
-    known.kind[q] = CORNER if certain else DOUBTFUL_CORNER
+    known.kind[q] = VERTEX if certain else DOUBTFUL_VERTEX
     known.age[q] = age
     return certain and value < -score_doubt(p, largest(s))
 
@@ -188,7 +188,7 @@ def next_slot(known: Known) -> int:
     """Return the place of the next vertex: the oldest makes room."""
     q: int = known.counts[SLOT]
     known.kind[q] = (
-        DOUBTFUL_CORNER  # until it is complete, lest an interruption leave a false point
+        DOUBTFUL_VERTEX  # until it is complete, lest an interruption leave a false point
     )
     known.counts[SLOT] = (q + 1) % len(known.kind)
     known.counts[USED] = max(known.counts[USED], q + 1)
@@ -196,7 +196,7 @@ def next_slot(known: Known) -> int:
 
 
 @compiled
-def corner_of(inverse: Any, active: Any, known: Known, g: Any) -> None:
+def vertex_of(inverse: Any, active: Any, known: Known, g: Any) -> None:
     """Write into g (p,) the vertex where the active constraints hold with equality."""
     p = len(g)
     for j in range(p):

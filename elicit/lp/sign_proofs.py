@@ -23,10 +23,10 @@ import numpy as np
 from elicit._support.jit import compiled, compiled_beside
 from elicit.lp.primal_simplex import (
     CERTAIN_POINT,
-    CORNER,
-    DOUBTFUL_CORNER,
+    DOUBTFUL_VERTEX,
     ROW,
     USED,
+    VERTEX,
     Known,
     multipliers,
     walk,
@@ -61,7 +61,7 @@ def prove(t: Any, certificate: Any, known: Known, verdicts: Any, tiers: Any) -> 
     """
     margin, inside, counts = known.margin, known.inside, known.counts
     rows, lifted, masks = known.rows, known.lifted, known.masks
-    corners = (
+    vertices = (
         margin,
         known.cuts,
         known.limits,
@@ -86,10 +86,10 @@ def prove(t: Any, certificate: Any, known: Known, verdicts: Any, tiers: Any) -> 
         if row != NOWHERE:
             verdicts[i], tiers[i] = side, BY_SCREEN
             continue
-        verdict, corner = glance(s, doubt, side, counts[USED], corners, at, y, rest)
-        tier = BY_SCREEN if corner == NOWHERE else BY_SIMPLEX
-        if wanted and corner != NOWHERE:
-            certified = below_by_corner(s, verdict, y, rest, corner, known, certificate)
+        verdict, vertex = glance(s, doubt, side, counts[USED], vertices, at, y, rest)
+        tier = BY_SCREEN if vertex == NOWHERE else BY_SIMPLEX
+        if wanted and vertex != NOWHERE:
+            certified = below_by_vertex(s, verdict, y, rest, vertex, known, certificate)
         elif wanted and verdict == UNSETTLED and side != 0:
             row = lifting_row(s, side, rows, lifted, masks, counts)
             if row != NOWHERE:
@@ -114,23 +114,23 @@ def sign_of(t: Any, known: Known) -> int:
 
 @compiled
 def glance(
-    t: Any, doubt: float, side: int, used: int, corners: Any, at: Any, y: Any, rest: Any
+    t: Any, doubt: float, side: int, used: int, vertices: Any, at: Any, y: Any, rest: Any
 ) -> tuple[int, int]:
     """Return the verdict that the known vertices with least and greatest t.g prove, and a vertex.
 
     If the two have both signs, the result is (UNKNOWN, NOWHERE). Otherwise one of them may prove to
-    be the best of all. ``corners`` are the arrays of ``Known`` about vertices, of which ``used``
+    be the best of all. ``vertices`` are the arrays of ``Known`` about vertices, of which ``used``
     are in use. ``side`` is the certain sign of t.g at the inner point, else 0. ``at`` (>= used,)
     receives t.g at each vertex. If a vertex proves the verdict, its multipliers are written into
     ``y`` (p,), and the part of +-t that they leave into ``rest`` (p,).
     """
-    margin, cuts, limits, points, inverses, active, kind = corners
+    margin, cuts, limits, points, inverses, active, kind = vertices
     above, below = signs_at_points(t, doubt, side, points, kind, at[:used])
     lowest, highest = outermost(at[:used], kind, False)
     if (
         lowest == NOWHERE
-        or kind[lowest] != CORNER
-        or kind[highest] != CORNER
+        or kind[lowest] != VERTEX
+        or kind[highest] != VERTEX
         or not (above or below)
     ):
         return UNSETTLED, NOWHERE
@@ -154,7 +154,7 @@ def signs_together(
     at[:] = 0.0
     for j in range(len(t)):
         at += points[j, : len(at)] * t[j]
-    sure = at[kind[: len(at)] != DOUBTFUL_CORNER]
+    sure = at[kind[: len(at)] != DOUBTFUL_VERTEX]
     return side > 0 or bool((sure > doubt).any()), side < 0 or bool((sure < -doubt).any())
 
 
@@ -175,7 +175,7 @@ def signs_at_points(
             at[q] += points[j, q] * t[j]
     above, below = side > 0, side < 0
     for q in range(used):
-        if kind[q] != DOUBTFUL_CORNER:
+        if kind[q] != DOUBTFUL_VERTEX:
             above = above or at[q] > doubt
             below = below or at[q] < -doubt
     return above, below
@@ -320,8 +320,8 @@ def below_by_row(t: Any, side: int, row: int, rows: Any, lifted: Any, certificat
 
 
 @compiled
-def below_by_corner(
-    t: Any, side: int, y: Any, rest: Any, corner: int, known: Known, certificate: Any
+def below_by_vertex(
+    t: Any, side: int, y: Any, rest: Any, vertex: int, known: Known, certificate: Any
 ) -> bool:
     """Write a certificate from the multipliers y (p,) of a vertex.
 
@@ -333,7 +333,7 @@ def below_by_corner(
     for j in range(p):
         least = min(least, rest[j])
     for i in range(p - 1):
-        active = known.active[corner, i]
+        active = known.active[vertex, i]
         if active >= p and y[i + 1] > 0.0:
             weight += y[i + 1]
             gained += y[i + 1] * known.limits[active - p]

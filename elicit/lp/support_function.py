@@ -20,11 +20,11 @@ from elicit.lp.primal_simplex import (
     SLOT,
     USED,
     Known,
-    corner_of,
     exchange,
     multipliers,
     rates_of,
     row_at,
+    vertex_of,
     walk,
 )
 from elicit.lp.rounding import bound_of, rounding, slacks_of
@@ -104,7 +104,7 @@ def greatest_all(t: Any, known: Known, high: Any, reached: Any) -> None:
             continue
         unit = math.ldexp(1.0, exponent)
         high[i] = min(high[i], -found * unit + 4e-16 * abs(found) * unit)
-        corner_of(known.inverses[best], known.active[best], known, g)
+        vertex_of(known.inverses[best], known.active[best], known, g)
         slacks_of(g, known.margin, known.cuts, known.limits, slack)
         if slack.min() >= -OUTSIDE:
             reached[i] = 0.0
@@ -166,7 +166,7 @@ def _divide(t: Any, asked: Any, known: Known, divided: Known, enough: Any, out: 
         q = start if known.counts[SLOT] == before else before
         if known.kind[q] == CERTAIN_POINT or multipliers(s, known.inverses, q, y) >= 0:
             continue
-        corner_of(known.inverses[q], known.active[q], known, g)
+        vertex_of(known.inverses[q], known.active[q], known, g)
         slacks_of(g, known.margin, known.cuts, known.limits, slack)
         least, unit = 0.0, math.ldexp(1.0, exponent)
         for j in range(p):

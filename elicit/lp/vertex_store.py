@@ -15,17 +15,17 @@ from elicit.lp.analytic_centre import analytic_centre
 from elicit.lp.dual_simplex import minimise
 from elicit.lp.primal_simplex import (
     CERTAIN_POINT,
-    DOUBTFUL_CORNER,
+    DOUBTFUL_VERTEX,
     ROW,
     SLOT,
     USED,
     Known,
-    corner_of,
     inverse_of,
     keep,
     next_slot,
     nothing_known,
     redundant,
+    vertex_of,
 )
 from elicit.lp.region import Region
 from elicit.lp.rounding import (
@@ -37,7 +37,7 @@ from elicit.lp.rounding import (
 )
 from elicit.model.scale import Floats
 
-MOST_CORNERS = 128
+MOST_VERTICES = 128
 MOST_NUMBERS = 1_000_000  # in all their inverses: with very many levels, fewer vertices are kept
 MOST_ROWS = 16  # rows proven beside the region's own
 
@@ -48,15 +48,15 @@ def start(region: Region) -> Known:
     They are the region's rows, and the vertices of K_0 that lie in the region.
     """
     p, rows, limits = region.p, region.rows, region.rhs
-    corners = max(8, min(MOST_CORNERS, MOST_NUMBERS // (p * p)))
-    known = _with_rows(nothing_known(region.margin, rows, limits, corners), rows, limits)
+    vertices = max(8, min(MOST_VERTICES, MOST_NUMBERS // (p * p)))
+    known = _with_rows(nothing_known(region.margin, rows, limits, vertices), rows, limits)
     if not region.margin * p < 1 - 1e-9:  # K_0 is a point, or nearly
         return known
     _recentre_dearly(known, region)
     if p > 1 and not len(region.rows):
-        for best in range(min(p, corners)):
-            add_corner(known, tuple(j for j in range(p) if j != best))
-    _find_some_corner(known, region)
+        for best in range(min(p, vertices)):
+            add_vertex(known, tuple(j for j in range(p) if j != best))
+    _find_some_vertex(known, region)
     return known
 
 
@@ -70,7 +70,7 @@ def cut(known: Known, region: Region) -> Known:
     new = _with_rows(known, row[None], region.rhs[-1:])
     stays = np.empty(known.counts[USED], dtype=np.bool_)
     beyond_doubt(known, row, limit, stays)
-    after = _only_corners(known, np.flatnonzero(stays))
+    after = _only_vertices(known, np.flatnonzero(stays))
     after.counts[ROW] = 0
     return after._replace(
         cuts=np.ascontiguousarray(region.rows.T),
@@ -87,7 +87,7 @@ def refresh(known: Known, region: Region) -> Known:
     """Give the facts about a non-empty region an inner point and a vertex to start walks from."""
     if not recentre(known, region.rows[-1], region.rhs[-1]):
         _recentre_dearly(known, region)
-    _find_some_corner(known, region)
+    _find_some_vertex(known, region)
     return known
 
 
@@ -106,7 +106,7 @@ def beyond_doubt(known: Known, row: Any, limit: float, stays: Any) -> None:
             size += abs(row[j] * known.points[j, q])
         # the last term: a point's components total 1 only to about 1e-12
         doubt = rounding_of(p, size) + 1e-11 * abs(limit)
-        stays[q] = excess > (-1e-9 if known.kind[q] == DOUBTFUL_CORNER else doubt)
+        stays[q] = excess > (-1e-9 if known.kind[q] == DOUBTFUL_VERTEX else doubt)
 
 
 @compiled
@@ -145,7 +145,7 @@ def recentre(known: Known, row: Any, limit: float) -> bool:
     p, n = len(known.inside), 0
     mean = np.zeros(p)
     for q in range(known.counts[USED]):
-        if known.kind[q] != DOUBTFUL_CORNER:
+        if known.kind[q] != DOUBTFUL_VERTEX:
             n += 1
             for j in range(p):
                 mean[j] += known.points[j, q]
@@ -185,7 +185,7 @@ def add_point(known: Known, g: Any) -> None:
 
 def has_point(known: Known) -> bool:
     """Return whether some point is certainly in K_t."""
-    return bool((known.kind[: known.counts[USED]] != DOUBTFUL_CORNER).any())
+    return bool((known.kind[: known.counts[USED]] != DOUBTFUL_VERTEX).any())
 
 
 def prune(known: Known, region: Region) -> tuple[Known, Region]:
@@ -201,17 +201,17 @@ def prune(known: Known, region: Region) -> tuple[Known, Region]:
     rows = np.concatenate([known.rows[:given][~out], known.rows[given:], known.rows[:given][out]])
     renumbered = np.concatenate([np.arange(p), p + np.cumsum(~out) - 1])
     resting = np.concatenate([np.zeros(p, dtype=bool), out])[known.active].any(axis=1)
-    lost = (resting & (known.kind == DOUBTFUL_CORNER))[: known.counts[USED]]
+    lost = (resting & (known.kind == DOUBTFUL_VERTEX))[: known.counts[USED]]
     known.kind[resting], known.active[resting] = CERTAIN_POINT, 0
     known.active[:] = renumbered[known.active]
-    known = _only_corners(known, np.flatnonzero(~lost))
+    known = _only_vertices(known, np.flatnonzero(~lost))
     region = region.take(~out)
     kept = np.append(np.ones(p, dtype=bool), ~out)
     known = known._replace(
         cuts=np.ascontiguousarray(region.rows.T), limits=region.rhs, room=known.room[kept]
     )
     known = _with_latest_rows(known, rows)
-    _find_some_corner(known, region)
+    _find_some_vertex(known, region)
     return known, region
 
 
@@ -220,13 +220,13 @@ def add_row(known: Known, row: Floats) -> Known:
     return _with_latest_rows(known, np.concatenate([known.rows, row[None, :]]))
 
 
-def add_corner(known: Known, basis: tuple[int, ...]) -> None:
+def add_vertex(known: Known, basis: tuple[int, ...]) -> None:
     """Store the vertex with these active constraints, if floats can invert them."""
     p = len(known.inside)
     active, inverse = np.array(basis, dtype=np.int64), np.zeros((p, p))
     g, slack = np.zeros(p), np.zeros(len(known.room))
     if p > 1 and inverse_of(active, known, inverse):
-        corner_of(inverse, active, known, g)
+        vertex_of(inverse, active, known, g)
         slacks_of(g, known.margin, known.cuts, known.limits, slack)
         keep(np.zeros(p), g, slack, inverse, active, 0, known)
 
@@ -255,7 +255,7 @@ def _with_latest_rows(known: Known, rows: Floats) -> Known:
     return _with_rows(known, rows, np.zeros(len(rows)))
 
 
-def _only_corners(known: Known, stay: NDArray[np.intp]) -> Known:
+def _only_vertices(known: Known, stay: NDArray[np.intp]) -> Known:
     """Return a copy with only the vertices of these numbers."""
     n = len(stay)
     points, inverses = np.zeros_like(known.points), np.empty_like(known.inverses)
@@ -285,7 +285,7 @@ def _recentre_dearly(known: Known, region: Region) -> None:
         add_point(known, centre)
 
 
-def _find_some_corner(known: Known, region: Region) -> None:
+def _find_some_vertex(known: Known, region: Region) -> None:
     """Store a vertex to start walks from, if there is none and floats find one."""
     if region.p > 1 and not (known.kind[: known.counts[USED]] != CERTAIN_POINT).any():
-        add_corner(known, minimise(np.zeros(region.p), region).basis)
+        add_vertex(known, minimise(np.zeros(region.p), region).basis)

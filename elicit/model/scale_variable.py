@@ -62,11 +62,8 @@ def linear_rows(constraint: Any, k: int) -> LinearConstraint:
     """Return the rows of a cvxpy constraint over a scale variable of k levels, two for an equality.
 
     Rows that only restate that the scale goes from 0 to 1 are left out. Parameters have their
-    current values.
-
-    Numbers are as exact as plain float arithmetic on each coefficient: "e[3] >= 0.2 + 2 * e[1]" has
-    just these. Raises ValueError, with what to do, for all but linear (in)equalities of
-    ``scale_variable(k)`` alone.
+    current values. Coefficients are rounded only as Python would round them. Raise ValueError, with
+    advice, for all but linear (in)equalities of ``scale_variable(k)`` alone.
     """
     called = " ".join((constraint.label or str(constraint)).split())
     _check_terms(constraint, k, called)

@@ -66,7 +66,7 @@ class LogFile:
             raise
         self._file.seek(0)
         self.content = self._file.read()
-        """What was in it when it was opened."""
+        """The file's content when it was opened."""
         self._size = self._kept = len(
             self.content
         )  # bytes in the file, and those of its whole lines

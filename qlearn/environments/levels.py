@@ -24,9 +24,9 @@ from elicit.model.comparator import check_levels
 from elicit.model.scale import Floats
 
 Level: TypeAlias = str | Mapping[float, int] | Callable[[Any, Any, dict[str, Any]], Any]
-"""Where a step's level, 0 (worst) to k - 1, is found: a key of its ``info``; the level of each
-value that the reward takes; or a function of (observation, reward, info), of a vectorised
-environment in batches."""
+"""The source of a step's level, 0 (worst) to k - 1. It is a key of its ``info``, the level of each
+value that the reward takes, or a function of (observation, reward, info). In a vectorised
+environment the function gets batches."""
 
 After: TypeAlias = int | Literal["last"] | None
 """Level that lasts once an episode has terminated.

@@ -7,8 +7,8 @@ from scipy.stats import norm
 from elicit.model.scale import Floats
 
 STANDARD_ERRORS = 3.0
-"""How far from what was measured a policy's shares are taken to lie at most, in standard errors:
-they lie farther off with a probability of 0.27%."""
+"""The largest error of a policy's measured shares that is allowed for, in standard errors:
+a larger one has a probability of 0.27%."""
 
 
 class RolloutShares(NamedTuple):

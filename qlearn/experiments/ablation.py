@@ -95,7 +95,7 @@ def ablate(
 
 
 def plan_of(settings: AblationSettings) -> list[Cell]:
-    """The cells, one dict of ``KEYS`` a run, in the order of the table."""
+    """Return the cells, one dict of ``KEYS`` for each run, in the order of the table."""
     own = settings.own()
     arms: set[tuple[str, float | str, float]] = {(ALWAYS, 0.0, 0.0)}
     tutors: tuple[float | str, ...] = (*settings.error_rates, *settings.names("tutors"))
@@ -117,7 +117,7 @@ def plan_of(settings: AblationSettings) -> list[Cell]:
         entry = LEARNERS[learner]
         if (
             audit and entry.needs_proof
-        ):  # its audits follow the last question, so such a run cannot be shorter
+        ):  # audits follow the last question, so such a run cannot be shorter
             return False
         return comparator in own["comparator"] or entry.pairs_with(COMPARATORS[comparator])
 

@@ -51,8 +51,8 @@ def table(
 ) -> str:
     """Return the summary of ``ablation.summarise`` as text, by problem and learner.
 
-    It has at most 120 columns, if names of your own are short; ``LEGEND`` explains them. ``names``
-    overrides ``NAMES``; ``seeds``: how many each row should have; those that have fewer say so.
+    It has at most 120 columns, if names of your own are short. ``LEGEND`` explains them. ``names``
+    overrides ``NAMES``. ``seeds`` is the number that each row should have; rows with fewer say so.
     """
     parts = []
     for (problem, learner), part in summary.groupby(["problem", "learner"], sort=False):
@@ -82,14 +82,14 @@ def plot_ablation(
 ) -> Figure:
     """Draw questions and true policy loss for each problem and learner.
 
-    There are two panels one above the other. The loss is that against the optimal policy under the
-    hidden values, by the tutor's error rate. A line joins the error rates of a comparator; tutors
-    of yours stand beside them, by name, and no line joins them. With 95% t-intervals if there are
-    three seeds or more: of two they would hide all else. Hollow markers: the budget was spent in at
-    least one run. A grey horizontal line is the loss of asking nothing.
+    There are two panels, one above the other. The loss is against the optimal policy under the
+    hidden values, by the tutor's error rate. A line joins the error rates of a comparator. Your own
+    tutors stand beside them, by name, and no line joins them. There are 95% t-intervals if there
+    are three seeds or more: of two they would hide all else. Hollow markers mean that the budget
+    was spent in at least one run. A grey horizontal line is the loss of asking nothing.
 
-    ``summary`` is ``ablation.summarise(...)``; audited runs are not drawn. ``max_queries`` draws
-    the budget, ``names`` overrides ``NAMES``, and where points have fewer runs than ``seeds`` the
+    ``summary`` is ``ablation.summarise(...)``. Audited runs are not drawn. ``max_queries`` draws
+    the budget, and ``names`` overrides ``NAMES``. If points have fewer runs than ``seeds``, the
     title says so.
     """
     called = partial(_called, names)
@@ -168,9 +168,9 @@ def plot_ablation(
 
 
 def _highest(rows: pd.DataFrame) -> float:
-    """Return the greatest loss that is drawn: a mean, an end of an interval, or of asking nothing.
+    """Return the greatest loss that is drawn, as a share of the value range.
 
-    It is a share of the value range.
+    It is a mean, an end of an interval, or the loss of asking nothing.
     """
     half = rows.loss_half.where(rows.runs > 2).fillna(0.0)
     highest = float((rows.loss + half).max())
@@ -183,7 +183,7 @@ def _called(names: Mapping[str, str] | None, column: str, name: str) -> str:
 
 
 def _tutors(summary: pd.DataFrame) -> list[float | str]:
-    """The error rates, and after them the user's tutors, by name."""
+    """Return the error rates, and after them the user's tutors, by name."""
     told = list(dict.fromkeys(summary.error_rate))
     return [
         *sorted(rate for rate in told if not isinstance(rate, str)),
@@ -192,7 +192,7 @@ def _tutors(summary: pd.DataFrame) -> list[float | str]:
 
 
 def _means_of(runs: pd.Series, seeds: int | None) -> str:
-    """Over how many seeds the means are, in words."""
+    """Return the number of seeds behind the means, in words."""
     least, most = int(runs.min()), int(runs.max())
     if seeds is not None and least < seeds:
         return f"INCOMPLETE: of {seeds} seeds some means have {least} only"
@@ -305,7 +305,7 @@ def _seeds(runs: Any, seeds: int | None) -> str:
 
 
 def _cells(row: Any, conflict: str, seeds: int | None) -> dict[str, str]:
-    """A row of the summary as a line of the table."""
+    """Return a row of the summary as a line of the table."""
     tutor = row.error_rate if isinstance(row.error_rate, str) else f"{100 * row.error_rate:.3g}%"
     notes = ((row.budget_spent, "budget"), (row.sweep_limit, "sweeps"))
     return {

@@ -1,9 +1,7 @@
-"""The catalogue of comparators, learners and problems: name, factory and label.
-
-It is in the order of tables.
+"""The catalogue of comparators, learners and problems, with names, factories and labels.
 
 ``ablate``, ``figures``, ``teach``, the pictures, ``warm_up`` and the documentation take their names
-and parts from here. Imports nothing heavy.
+and parts from here, in the order of its entries. Imports nothing heavy.
 """
 
 from __future__ import annotations
@@ -44,16 +42,25 @@ Size: TypeAlias = tuple[int, int, int, float]
 class LearnerEntry:
     """One learner of the catalogue.
 
-    name         its one name: on the command line, in rows of results, in journals
-    label        its name in tables and pictures
-    factory      from mdp, comparator and keywords
-    keywords     the keywords that it has from the settings, beside those of all learners
-    indifference    the indifference that follows from its tolerance, from the settings and the
-                    discount; None: it has
-                 that of the settings, and pairs with comparators that are ``indifferent``
-    needs_proof  whether it ends by a bound on its policy's loss, which only comparators that
-                 ``prove`` can give. It has no oracle: always asking proves nothing
-    compiles     the small run of ``compile_ahead`` that compiles what it needs
+    Attributes
+    ----------
+    name : str
+        Its one name: on the command line, in rows of results, in journals.
+    label : str
+        Its name in tables and pictures.
+    factory : function
+        From mdp, comparator and keywords.
+    keywords : function
+        The keywords that it has from the settings, beside those of all learners.
+    indifference : function, optional
+        The indifference that follows from its tolerance, from the settings and the discount. None:
+        it has the indifference of the settings, and pairs with comparators that are
+        ``indifferent``.
+    needs_proof : bool
+        True if it ends by a bound on its policy's loss, which only comparators that ``prove`` can
+        give. It has no oracle, because always asking proves nothing.
+    compiles : str
+        The small run of ``compile_ahead`` that compiles its functions.
     """
 
     name: str
@@ -80,12 +87,19 @@ class LearnerEntry:
 class ProblemEntry:
     """One problem of the catalogue.
 
-    name     its one name: on the command line, in rows of results, in journals
-    label    its name in tables and pictures
-    factory  makes the MDP; None for random MDPs, which depend on a seed and a size, and for
-             families. Raises ImportError without the problem's package
-    family   makes the MDP of a family from a seed
-    taught   whether ``qlearn teach`` offers it
+    Attributes
+    ----------
+    name : str
+        Its one name: on the command line, in rows of results, in journals.
+    label : str
+        Its name in tables and pictures.
+    factory : function, optional
+        Makes the MDP. None for random MDPs, which depend on a seed and a size, and for families. It
+        raises ImportError without the problem's package.
+    family : function, optional
+        Makes the MDP of a family from a seed.
+    taught : bool
+        True if ``qlearn teach`` offers it.
     """
 
     name: str
@@ -97,7 +111,7 @@ class ProblemEntry:
     def instance(self, seed: int, size: Size) -> tuple[OrdinalMDP, Floats]:
         """Return the MDP and its hidden values (k,).
 
-        An MDP that no seed changes is made once a process.
+        An MDP that does not depend on a seed is made once for each process.
         """
         from qlearn.problems.random_mdp import draw_values, random_mdp
 

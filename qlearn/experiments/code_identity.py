@@ -1,4 +1,4 @@
-"""A hash of what a function is.
+"""A hash of a function's code and of all that it depends on.
 
 By it a journal tells a user's factory of today from that of yesterday.
 """
@@ -30,10 +30,10 @@ _INSTALLED = [
 def identity(thing: Any) -> str:
     """Return a hash of a function, or of anything else that can be called.
 
-    It is the same in every process while nothing changes of its code, its defaults, what it closes
-    over, and the functions, classes and constants that it names, and so on from those. Only what is
-    installed (or of Python itself, or of elicit and qlearn) goes by its name. What else it holds
-    counts by its pickle; if that cannot be had, the hash is another each time.
+    It is the same in every process as long as nothing changes in its code, its defaults, its
+    closure, and the functions, classes and constants that it names. The same holds for all that
+    these depend on. Installed modules, Python's own, and those of elicit and qlearn count by name
+    only. Other contents count by their pickle. If there is none, the hash differs each time.
     """
     digest = hashlib.blake2b(digest_size=16)
     for piece in _pieces(thing, {}):
@@ -42,15 +42,15 @@ def identity(thing: Any) -> str:
 
 
 def _pieces(thing: Any, met: dict[int, tuple[int, Any]]) -> Iterator[str]:
-    """Texts that tell a thing from others.
+    """Yield texts that tell a thing from others.
 
-    ``met`` numbers those that may hold themselves, and keeps them, or their ids would be taken by
-    others; constants are not among them, for when two are one object is Python's affair.
+    ``met`` numbers the things that may contain themselves. It also keeps them alive, or their ids
+    would be reused. Constants are not among them, because Python decides when two are one object.
     """
     if isinstance(thing, _PLAIN):
         yield f"{type(thing).__name__} {thing!r}"
         return
-    if isinstance(thing, (set, frozenset)):  # in an order that does not depend on hashes
+    if isinstance(thing, (set, frozenset)):  # an order that does not depend on hashes
         yield from ("set", *sorted("".join(_pieces(item, {})) for item in thing))
         return
     if not isinstance(thing, (tuple, types.CodeType)):
@@ -122,9 +122,9 @@ _OF_EVERY_CLASS = {  # what Python keeps in a class beside what its author wrote
 
 
 def _named(code: types.CodeType, scope: Mapping[str, Any]) -> list[Any]:
-    """Return what a function's code names of its module's.
+    """Return the things in its module that a function's code names.
 
-    If that is a module of the user's, what it names of it follows.
+    If one is a module of the user's, the names that the code takes from it follow.
     """
     names, found = sorted(_names(code)), []
     for name in names:
@@ -168,5 +168,5 @@ def _is_installed(module: str) -> bool:
 def _pickled(thing: Any) -> str:
     try:
         return pickle.dumps(thing, protocol=5).hex()
-    except Exception:  # whatever a user's object may raise
+    except Exception:  # a user's object may raise anything
         return uuid.uuid4().hex

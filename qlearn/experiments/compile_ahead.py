@@ -1,8 +1,8 @@
 """Tiny runs that fill numba's cache before workers start.
 
-They take a moment if the machine code is there already, else a quarter or half a minute each.
-Beside each other they are done sooner than one run after another would be, because processes that
-begin together compile the same functions.
+Each takes a moment if the machine code is there already, and otherwise a quarter or half a minute.
+They are quicker side by side than one after another, although processes that begin together compile
+the same functions.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from qlearn.problems.random_mdp import random_mdp
 
 
 def parts(cells: Iterable[Cell]) -> tuple[Callable[[], None], ...]:
-    """Return what the runs of these cells will need.
+    """Return the tiny runs that the runs of these cells need.
 
-    With two processes, the loops take up what the proofs have compiled.
+    With two processes, the loops use code that the proofs have compiled.
     """
     named = {name for cell in cells for name in (cell["comparator"], cell["learner"])}
     needed = {entry.compiles for entry in COMPARATORS.values() if entry.name in named}
@@ -59,9 +59,9 @@ def moves() -> None:
 
 @jit.compiling()
 def loops() -> None:
-    """Run Q-learning's loop, which holds all rules to decide by.
+    """Run Q-learning's loop, which holds all rules by which it decides.
 
-    The tutor remembers what was asked.
+    The tutor remembers the pairs that it was asked about.
     """
     mdp, values = random_mdp(6, 3, 5, seed=0)
     drive(
@@ -72,7 +72,7 @@ def loops() -> None:
 
 @jit.compiling()
 def sweeps() -> None:
-    """Value iteration's sweep, and what its result is made of."""
+    """Run value iteration's sweep, and compute the parts of its result."""
     mdp, values = random_mdp(6, 3, 5, seed=0)
     drive(
         InteractiveValueIteration(mdp, PolytopeComparator(5), tolerance=0.1), TruthfulTutor(values)
@@ -81,7 +81,7 @@ def sweeps() -> None:
 
 @jit.compiling()
 def certificates() -> None:
-    """Bound a loss and foresee answers as policy iteration does, and know answered pairs again."""
+    """Bound a loss and foresee answers as policy iteration does, and find answered pairs again."""
     mdp, values = random_mdp(6, 3, 5, seed=0)
     drive(InteractivePolicyIteration(mdp, PolytopeComparator(5)), TruthfulTutor(values))
     answered, d = AnsweredPairs(5), np.diff(_rows(3), axis=0)
@@ -91,8 +91,7 @@ def certificates() -> None:
 
 
 ALL = (proofs, moves, loops, sweeps, certificates)
-"""All that users meet. They are compiled soonest in this order, by as many processes as there are
-cores.
+"""The tiny runs for all that users meet. This order compiles them soonest, with one process a core.
 """
 
 

@@ -26,7 +26,7 @@ class Own:
 
     @cached_property
     def identity(self) -> str:
-        """A hash of the factory's code and of what it holds: see ``code_identity.identity``."""
+        """A hash of the factory's code and of what it depends on (``code_identity.identity``)."""
         from qlearn.experiments.code_identity import identity
 
         return identity(self.factory)
@@ -40,7 +40,7 @@ class Own:
     def made(self, *arguments: Any, **keywords: Any) -> Any:
         """Return the result of the factory.
 
-        Raises ValueError, which names it, where the factory raises an Exception.
+        Raise ValueError, which names the factory, if it raises an Exception.
         """
         try:
             return self.factory(*arguments, **keywords)
@@ -51,10 +51,10 @@ class Own:
 
 
 def own_of(text: str) -> Own:
-    """Return what "package.module:factory", or "name=package.module:factory", stands for.
+    """Return the factory of "package.module:factory", or of "name=package.module:factory".
 
-    Without a name the text is the name. Imports the module. Raises ValueError if there is no such
-    module or attribute, or it cannot be called.
+    Without a name the text is the name. The module is imported. Raise ValueError if there is no
+    such module or attribute, or if it cannot be called.
     """
     name, _, where = text.rpartition("=")
     module, _, path = where.partition(":")

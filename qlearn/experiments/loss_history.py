@@ -72,28 +72,28 @@ class LossHistory:
         self._rows = [self._row(0, policy, PolytopeComparator(mdp.k))]
 
     def __call__(self, result: Result) -> None:
-        """Take in the result so far. Rows come in the order of the answers."""
+        """Enter the result so far. Rows come in the order of the answers."""
         bound = result.loss_bound if self._bound else np.nan
         self._rows.append(_LossRow(result.asked, *self._losses(result.policy), bound))
 
     @property
     def asked(self) -> NDArray[np.int64]:
-        """(n,) numbers of questions asked: 0 first."""
+        """Numbers (n,) of questions asked, 0 first."""
         return np.array([row.asked for row in self._rows], dtype=np.int64)
 
     @property
     def loss(self) -> Floats:
-        """(n,) true losses at the worst state."""
+        """True losses (n,) at the worst state."""
         return np.array([row.loss for row in self._rows])
 
     @property
     def initial_loss(self) -> Floats:
-        """(n,) true losses from the initial distribution."""
+        """True losses (n,) from the initial distribution."""
         return np.array([row.initial_loss for row in self._rows])
 
     @property
     def loss_bound(self) -> Floats:
-        """(n,) upper bounds on the loss at the worst state."""
+        """Upper bounds (n,) on the loss at the worst state."""
         return np.array([row.loss_bound for row in self._rows])
 
     def after(self, asked: ArrayLike) -> NDArray[np.int64]:

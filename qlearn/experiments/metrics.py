@@ -1,7 +1,4 @@
-"""Measures of a simulated run, whose hidden scale is known.
-
-They are questions, wrong verdicts, losses, and audits.
-"""
+"""Measures of a simulated run with a known scale: questions, wrong verdicts, losses, audits."""
 
 from __future__ import annotations
 
@@ -30,7 +27,7 @@ CELL = (
     "comparator",
     "error_rate",
     "audit",
-)  # what names a cell of an ablation
+)  # the columns that name a cell of an ablation
 MEASURES = (
     "asked",
     "asked_percent_open",
@@ -65,12 +62,19 @@ class VerdictCounts(NamedTuple):
 
 
 class Watch:
-    """Judges a comparator's verdicts by the hidden scale: give it to a learner's ``watch``.
+    """Checks a comparator's verdicts against the hidden scale. Give it to a learner's ``watch``.
 
-    Counts BETTER and WORSE that the answers decided (``BY_ANSWERS``; dominance cannot be wrong) on
-    pairs with |d.e| > ``indifference`` (share of the value range; closer pairs do not matter to the
-    learner). ``values`` (k,) is the hidden scale; ``erred()`` says whether the tutor has given a
-    wrong answer yet.
+    It counts BETTER and WORSE that the answers decided (``BY_ANSWERS``; dominance cannot be wrong).
+
+    Parameters
+    ----------
+    values : (k,)
+        The hidden scale.
+    indifference : float
+        A share of the value range. Pairs with |d.e| up to this are not counted, because they do not
+        matter to the learner.
+    erred : function
+        Says whether the tutor has given a wrong answer yet.
     """
 
     def __init__(
@@ -88,7 +92,7 @@ class Watch:
         self._counts = np.zeros((2, 2), dtype=np.int64)  # before or after; judged, wrong
 
     def __call__(self, d: Floats, decisions: Decisions) -> None:
-        """Take the differences d (n, k) that a learner compared, and how each was decided."""
+        """Enter the differences d (n, k) that a learner compared, and the decision on each."""
         counted = _BY_ANSWERS[decisions.tiers] & (np.abs(decisions.verdicts) == 1)
         if counted.any():
             rows = d[counted]
@@ -117,12 +121,12 @@ class Watch:
 
 
 def counts(result: Result) -> dict[str, Any]:
-    """A run's questions and comparisons, for one row of a table.
+    """Return a run's questions and comparisons, for one row of a table.
 
-    ``asked_percent_<denominator>``: questions in percent of "all" comparisons, of the "unequal"
-    (the vectors differ) and of the "open" ones, which dominance does not decide either; nan where
-    there are none. AlwaysAsk does not look for dominance: what is unequal is open for it. Then the
-    comparisons by tier.
+    ``asked_percent_<denominator>`` are questions in percent of comparisons. The denominators are
+    "all" comparisons, the "unequal" ones (the vectors differ) and the "open" ones, which dominance
+    does not decide either. The percentage is nan if there are none. AlwaysAsk does not look for
+    dominance, so that for it unequal pairs are open. The comparisons by tier follow.
     """
     unequal = result.compared - result.decided["equal"]
     denominators = {
@@ -187,11 +191,11 @@ def greatest_reward(mdp: OrdinalMDP, values: ArrayLike) -> float:
 
 
 def paper_loss(v: Floats, baseline: Floats | float, best: float) -> float:
-    """Figure 4's percentage of loss, signed as printed: 100 sum_s (v(s) - V(s)) / (|S| max r).
+    """Return figure 4's percentage of loss, signed: 100 sum_s (v(s) - V(s)) / (|S| max r).
 
-    v (S,) and the baseline V (S,) are ``estimated_values`` with and without a preference model,
-    ``best`` is the ``greatest_reward``. It compares what two runs believe, not what their policies
-    earn (``planning.policy_loss``). nan where the greatest reward is 0.
+    v (S,) and the baseline V (S,) are ``estimated_values`` with and without a preference model.
+    ``best`` is the ``greatest_reward``. The result is nan if that is 0. It compares the values that
+    two runs estimate, not the values of their policies (``planning.policy_loss``).
     """
     return float(100 * np.mean(v - baseline) / best) if best else float("nan")
 
@@ -213,17 +217,17 @@ def reference_differences(mdp: OrdinalMDP, values: ArrayLike) -> Floats:
 
 
 def summarise(frame: DataFrame) -> DataFrame:
-    """Return one row a cell, over its seeds, with the mean of each of ``MEASURES``.
+    """Return one row for each cell, over its seeds, with the mean of each of ``MEASURES``.
 
     ``<name>_half`` is half the width of its 95% t-interval (nan from one seed). Runs for which a
-    measure is not defined are left out, and so is a measure that the frame has no column for, such
-    as ``loss_unasked`` (the loss of ``equal_gaps_policy``) in a file of an earlier version.
+    measure is not defined are left out. So is a measure that the frame has no column for, such as
+    ``loss_unasked`` (the loss of ``equal_gaps_policy``) in a file of an earlier version.
 
-    ``wrong_percent`` is in percent of the verdicts that a comparator decided,
+    ``wrong_percent`` is in percent of the verdicts that a comparator decided, and
     ``wrong_percent_after`` of those after the tutor's first wrong answer. Excess losses are paired
-    by seed with the oracle. Counted are ``runs`` and those with the budget spent, stopped at the
-    limit of sweeps, with an audit that contradicted the answers, and with an audit that was itself
-    wrong then.
+    by seed with the oracle. The counts are ``runs``, those with the budget spent, those stopped at
+    the limit of sweeps, those with an audit that contradicted the answers, and those with such an
+    audit that was itself wrong.
     """
     judged = frame.judged_before + frame.judged_after
     wide = frame.assign(
@@ -256,7 +260,7 @@ def means(groups: Any, measures: Sequence[str]) -> DataFrame:
 
 
 def half_width(x: Floats) -> float:
-    """Half the width of the 95% t-interval of the mean of x (n,); nan from one number."""
+    """Return half the width of the 95% t-interval of the mean of x (n,); nan from one number."""
     return float(_half(np.std(x, ddof=1), len(x))) if len(x) > 1 else float("nan")
 
 

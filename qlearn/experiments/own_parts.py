@@ -1,4 +1,4 @@
-"""The parts of a run that a user's factories make, each held to what a run needs of it.
+"""The parts of a run that a user's factories make, each checked for what a run needs.
 
 Errors name the factory.
 """
@@ -22,9 +22,9 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 
 def problem_of(own: Own, seed: int) -> tuple[OrdinalMDP, Floats]:
-    """The MDP and the hidden values (k,) of a factory(seed).
+    """Return the MDP and the hidden values (k,) of a factory(seed).
 
-    Raises ValueError unless it returns such a pair.
+    Raise ValueError unless it returns such a pair.
     """
     made = own.made(seed)
     pair = made if isinstance(made, tuple) and len(made) == 2 else (None, None)
@@ -49,9 +49,9 @@ def problem_of(own: Own, seed: int) -> tuple[OrdinalMDP, Floats]:
 
 
 def comparator_of(own: Own, k: int, seed: int) -> Comparator:
-    """The comparator of a factory(k, seed).
+    """Return the comparator of a factory(k, seed).
 
-    Raises ValueError for anything else, and for one of other levels.
+    Raise ValueError for anything else, and for one of other levels.
     """
     made = own.made(k, seed)
     try:
@@ -70,7 +70,7 @@ def comparator_of(own: Own, k: int, seed: int) -> Comparator:
 
 
 def learner_of(own: Own, mdp: OrdinalMDP, comparator: Comparator, seed: int) -> Learner:
-    """The learner of a factory(mdp, comparator, seed). Raises ValueError for anything else."""
+    """Return the learner of a factory(mdp, comparator, seed), or raise ValueError."""
     made = own.made(mdp, comparator, seed)
     if not isinstance(made, Learner):
         raise ValueError(f"{_named(own, seed=seed)} must return a qlearn.Learner, not {made!r}")
@@ -83,7 +83,7 @@ def tutor_of(
     """Return the tutor of a factory(values, seed).
 
     The factory may have a third parameter called reference. It then gets ``reference``, the
-    differences (n, k) that its noise can be set by. Raises ValueError for what is no tutor.
+    differences (n, k) by which its noise can be set. Raise ValueError if the result is no tutor.
     """
     wants = "reference" in inspect.signature(own.factory).parameters
     made = own.made(values.copy(), seed, **({"reference": reference()} if wants else {}))
@@ -95,14 +95,14 @@ def tutor_of(
 
 
 class Counted:
-    """A tutor, and the share of its verdicts that were not those of the hidden values (k,)."""
+    """A tutor that counts its verdicts, and those that differ from the hidden values' (k,)."""
 
     def __init__(self, tutor: Tutor, values: Floats) -> None:
         self._tutor, self._truth = tutor, TruthfulTutor(values)
         self._given = self._wrong = 0
 
     def __call__(self, query: Query) -> Answer:
-        """The tutor's answer. Raises TypeError unless it is an Answer."""
+        """Return the tutor's answer. Raise TypeError unless it is an Answer."""
         answer = self._tutor(query)
         if not isinstance(answer, Answer):
             raise TypeError(
@@ -116,15 +116,15 @@ class Counted:
 
     @property
     def realised_error_rate(self) -> float:
-        """Wrong verdicts as a share of all; nan before the first.
+        """Share of the verdicts that are wrong; nan before the first.
 
-        To call either of two equal vectors better is not wrong, to call two that differ equal is.
+        Calling either of two equal vectors better is not wrong. Calling two that differ equal is.
         """
         return self._wrong / self._given if self._given else float("nan")
 
 
 def _named(own: Own, **arguments: Any) -> str:
-    """The factory, and how it was called."""
+    """Return the factory and the arguments of its call, as text."""
     return (
         f"{own.name!r}: the factory, called with "
         f"{', '.join(f'{name} = {x}' for name, x in arguments.items())},"

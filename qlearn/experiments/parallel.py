@@ -1,10 +1,9 @@
 """Many runs at once: one function over many cells, on all cores or on a cluster.
 
-A journal lets the same call go on from what has finished.
-
-Only the calling process writes the journal, so that workers need no common disk. A row's key is a
-hash of all that it depends on, and a journal may hold rows of other settings, which are left alone:
-to add seeds, or to go back to earlier settings, computes only what is missing.
+A journal lets the same call go on after an interruption. Only the calling process writes it, so
+that workers need no common disk. A row's key is a hash of all that the row depends on. A journal
+may hold rows of other settings, which are left alone. So adding seeds, or going back to earlier
+settings, computes only the missing rows.
 """
 
 from __future__ import annotations
@@ -35,8 +34,8 @@ _START = b'{"key": "'  # of every line of a journal
 class Interrupted(KeyboardInterrupt):
     """Ctrl-C during a sweep.
 
-    ``rows`` has the row of each cell in its place, None where it had not finished; ``frame`` is the
-    table of those that had, where the sweep was to make one.
+    ``rows`` has the row of each cell in its place, or None if it had not finished. ``frame`` is the
+    table of the finished rows, if the sweep was to make one.
     """
 
     def __init__(self, rows: list[Any]) -> None:
@@ -48,17 +47,17 @@ class Interrupted(KeyboardInterrupt):
 
 
 class SweepOptions(TypedDict, total=False):
-    """Keywords of everything that makes many runs: where, and what becomes of their rows.
+    """Keywords of everything that makes many runs.
 
     Attributes
     ----------
     jobs : int, optional
-        Number of processes. -1: one a core. 1: this one. None: as an outer
+        Number of processes. -1: one for each core. 1: this one. None: as an outer
         ``joblib.parallel_config`` says, else -1. The backend is the outer one (Dask, say, which
         chooses its number of workers itself), else loky.
     journal : Path, optional
         File in which finished rows are kept and looked up, under a hash of function, shared and
-        cell: a line a row, on the disk before anything else happens. None: nowhere.
+        cell. It has one line for each row, written to the disk at once. None: no journal.
     fresh : bool
         Empty the journal first.
     progress : function, optional
@@ -81,30 +80,51 @@ def sweep(
     own: Callable[[Cell], tuple[Any, Mapping[str, Any]]] | None = None,
     **how: Unpack[SweepOptions],
 ) -> list[Any]:
-    """``function(cell, **shared)`` for every cell: the rows, in the order of ``cells``.
+    """Return ``function(cell, **shared)`` for every cell: the rows, in the order of ``cells``.
 
-    function  importable by workers; returns what JSON can hold (arrays are returned as lists), the
-              same for the same arguments. All rows pass through JSON, which keeps every bit of a
-              float, so that a row is the same whether it was computed or read back
-    shared    keywords that all cells have in common; these and the cells are JSON too
-    cost      cells of the greatest cost begin first, so that no core is left alone with a long one
-              at the end
-    ahead     from the cells whose rows are missing to functions, importable by workers, that are
-              called first, side by side: for what each process would else do for itself, such as to
-              compile
-    own       from a cell to what it needs that JSON cannot hold: what that is, in JSON, by which
-              its row is looked up, and keywords of ``function`` (they may be functions of any kind,
-              which cloudpickle sends to workers)
-    how       the options of ``SweepOptions``
+    Linear algebra has one thread while a cell is computed, because the number of threads changes
+    the last digits of a sum. A process of a cluster keeps that limit.
 
-    Linear algebra has one thread while a cell is computed, for how a sum is split among threads
-    shows in its last digits. A process of a cluster stays so.
+    Parameters
+    ----------
+    function : function
+        Importable by workers. It returns what JSON can hold (arrays are returned as lists), the
+        same for the same arguments. All rows pass through JSON, which keeps every bit of a float.
+        So a row is the same whether it was computed or read back.
+    cells : sequence
+        JSON, as are ``shared``.
+    shared : mapping
+        Keywords that all cells have in common.
+    cost : function
+        Cells of the greatest cost begin first, so that no core is left alone with a long one.
+    ahead : function
+        Takes the cells whose rows are missing and returns functions, importable by workers. They
+        are called first, side by side, for work that each process would otherwise do for itself,
+        such as compiling.
+    own : function
+        Takes a cell and returns its parts that JSON cannot hold. They come as an identity in JSON,
+        by which the row is looked up, and as keywords of ``function``. The keywords may be
+        functions of any kind, which cloudpickle sends to workers.
+    **how
+        The options of ``SweepOptions``.
 
-    Raises Interrupted on Ctrl-C; BrokenExecutor where a worker process died (killed, or out of
-    memory); what ``function`` raises, or what goes ahead; BlockingIOError for a journal that
-    another process writes to; ValueError for a file that is no journal, which is left as it is. In
-    all these cases the journal keeps the rows that have finished, and the same call goes on from
-    there.
+    Raises
+    ------
+    Interrupted
+        On Ctrl-C.
+    BrokenExecutor
+        If a worker process died (killed, or out of memory).
+    BlockingIOError
+        If another process writes to the journal.
+    ValueError
+        If the file is no journal. It is left as it is.
+    Exception
+        Any that ``function`` or the work ahead raises.
+
+    Notes
+    -----
+    After any of these errors the journal keeps the rows that have finished, and the same call goes
+    on from there.
     """
     from threadpoolctl import threadpool_limits
 
@@ -156,7 +176,7 @@ def _json(value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Numpy's numbers and arrays as Python's."""
+    """Return NumPy's numbers and arrays as Python's."""
     if hasattr(value, "tolist"):
         return value.tolist()
     raise TypeError(
@@ -167,7 +187,7 @@ def _plain(value: Any) -> Any:
 def _computed(
     calls: Iterator[tuple[Callable[..., Any], tuple[Any, ...]]], jobs: int | None
 ) -> Generator[Any]:
-    """Yield the results of calls, as they come, in any order."""
+    """Yield the results of calls as they come, in any order."""
     import joblib
     from joblib.parallel import LokyBackend, get_active_backend
 
@@ -234,10 +254,10 @@ def _end_with(parent: int) -> None:
 def _journal(
     path: Path, fresh: bool
 ) -> Iterator[tuple[dict[str, Any], Callable[[str, str], None]]]:
-    """The rows of a journal by their keys, and what appends one, given as JSON on one line.
+    """Return the rows of a journal by their keys, and a function that appends one.
 
-    A last line that was cut short is removed: its row has not finished. Makes the folders that it
-    lies in.
+    A row is given as JSON on one line. A last line that was cut short is removed, because its row
+    has not finished. Missing folders are made.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("ab+") as file:
@@ -268,10 +288,10 @@ def _journal(
 
 
 def _lock(file: BinaryIO, path: Path) -> None:
-    """Hold the file until it is closed, or the process is gone.
+    """Lock the file until it is closed, or the process has ended.
 
-    Where the system has no file locks two processes append whole lines of equal rows, and only time
-    is lost.
+    If the system has no file locks, two processes may append equal rows as whole lines. Then only
+    time is lost.
     """
     if sys.platform != "win32":
         try:

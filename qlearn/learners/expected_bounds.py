@@ -1,4 +1,4 @@
-"""A budget of questions: what so many of them are likely to prove, before the first is asked."""
+"""A budget of questions: the loss bounds that so many questions are likely to prove."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from qlearn.learners.learner import check_problem
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
-_LEAST_GAP = 1e-9  # of a drawn scale, so that a simulated tutor can tell all levels apart
-_FEWEST = 3  # runs: the range of fewer says nothing
+_LEAST_GAP = 1e-9  # least gap of a drawn scale, so that a simulated tutor can tell all levels apart
+_FEWEST = 3  # fewest runs: the range of fewer says nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +39,11 @@ class ExpectedBounds:
         The budget.
     before : float
         The loss bound before the first question, a share of the value range.
-    bounds : ndarray
-        (runs,) loss bounds at the end of each simulated session, ascending.
-    asked : ndarray
-        (runs,) numbers of questions asked, in the same order: fewer than the budget where the
-        tolerance was reached sooner.
+    bounds : (runs,)
+        Loss bounds at the end of each simulated session, ascending.
+    asked : (runs,)
+        Numbers of questions asked, in the same order. They are below the budget if the tolerance
+        was reached sooner.
     """
 
     questions: int
@@ -68,7 +68,7 @@ class ExpectedBounds:
 
     @property
     def coverage(self) -> float:
-        """Chance that one more such session ends between ``least`` and ``most``.
+        """Probability that one more such session ends between ``least`` and ``most``.
 
         It is (runs - 1) / (runs + 1), if the hidden scale is like those that were drawn and the
         tutor like the simulated ones.

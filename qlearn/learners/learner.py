@@ -543,23 +543,33 @@ def drive(
 
     It has then finished, or waits for a policy to be trained.
 
-    The tutor returns an Answer, or a verdict on the query's left vector: a Verdict, or 1, 0, -1. To
-    say "cannot tell", it returns ``Answer(query, None)``. Of several people, give the tutor of each
-    by name: ``{"ann": tutor, "ben": another}``.
+    Parameters
+    ----------
+    learner : Drivable
+    tutor : function, or mapping of str to function
+        It takes a query and returns an Answer, or a verdict on the query's left vector: a Verdict,
+        or 1, 0, -1. ``Answer(query, None)`` says "cannot tell". For several people, give the tutor
+        of each by name: ``{"ann": tutor, "ben": another}``.
+    log : AnswerLog, optional
+        Every answer goes there before the learner is told. If the tutor raises an error, or is
+        interrupted, at one of several questions (``batch``), the earlier answers are logged and
+        told nevertheless. AlwaysAsk with a simulated tutor asks so much that only counts are kept.
+    progress : function, optional
+        Called with the Result so far after every round of questions.
+    on_conflict : {"raise", "drop"}
+        An answer that contradicts the others is marked unused in the log. Then it raises
+        InconsistentAnswers, or with "drop" decides its own pair only.
+    seed : optional
+        Draws the sides. The tutor is shown a random half of the pairs right to left, so that a
+        liking for one side favours no policy. Answers are told and logged in terms of the learner's
+        own left, with ``swapped`` for exchanged pairs. None: the sides are drawn anew each time.
 
-    Every answer goes to ``log`` before the learner is told. One that contradicts the others is then
-    marked unused there, and either raises InconsistentAnswers or (``on_conflict="drop"``) decides
-    its own pair only. Where the tutor raises, or is interrupted, at one of several questions
-    (``batch``), the answers to those before are logged and told all the same. ``progress`` is
-    called with the Result so far after every round of questions. AlwaysAsk with a simulated tutor
-    asks so much that only counts are kept.
-
-    The tutor is shown half of the pairs right to left, by chance, so that a liking for one side
-    favours no policy. ``seed`` draws the sides; None draws them anew each time. The answers are
-    told and logged in terms of the learner's own left, with ``swapped`` for what was exchanged.
-
-    Raises StaleAnswer, before any answer of the round is
-    logged, where the tutor answers what was not asked.
+    Raises
+    ------
+    StaleAnswer
+        If the tutor answers another question, before any answer of the round is logged.
+    InconsistentAnswers
+        Unless ``on_conflict="drop"``.
     """
     require(on_conflict in ("raise", "drop"), "on_conflict", "'raise' or 'drop'", on_conflict)
     tutor = as_one_tutor(tutor, learner.comparator)

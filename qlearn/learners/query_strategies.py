@@ -4,7 +4,8 @@ The candidate with the greatest score is asked about. A strategy is any function
 to scores (n,), or the name of one of those here. Of equal scores the first is taken. Your own:
 
     def closest_to_even_odds(candidates):
-        left_better = (candidates.scores > 0) @ candidates.weights return -abs(left_better - 0.5)
+        left_better = (candidates.scores > 0) @ candidates.weights
+        return -abs(left_better - 0.5)
 
 ``candidates.scores`` (n, m) holds d.e of each candidate under each of m plausible scales, and
 ``weights`` (m,) the weights of these. ``d``, ``states``, ``actions``, ``limit``, ``bounds`` and the

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit.asking.elicitation import Elicitation, Place
-from elicit.decision.comparator_rule import ASKING, NOTHING, PROOFS, Rule, rule_of, silent
+from elicit.decision.comparator_rule import ALWAYS_ASK, NO_ARRAYS, PROOFS, Rule, rule_of, silent
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.difference_kernel import UNKNOWN, UNSETTLED
 from elicit.model.query import Verdict
@@ -233,7 +233,7 @@ class StateSweep:
             self._pairs.take_answers()
             self._copies.clear()
         rule = rule_of(self._judged_by)
-        if self._elicitation.puts_off and rule.kind not in (NOTHING, ASKING):
+        if self._elicitation.puts_off and rule.kind not in (NO_ARRAYS, ALWAYS_ASK):
             rule = (
                 silent()
             )  # the best guess is one of the plausible scales, and is cheaper to look up

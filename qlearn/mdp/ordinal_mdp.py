@@ -37,29 +37,54 @@ class _AllParts(_Parts, total=False):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class OrdinalMDP:
-    """An MDP whose reward is one of k named levels, worst first; what a level is worth is unknown.
+    """An MDP whose reward is one of k named levels, worst first, of unknown value.
 
-    ``successors`` (S, A, b) state indices and ``probabilities`` (S, A, b): the next state after
-    action a in state s is ``successors[s, a, j]`` with probability ``probabilities[s, a, j]``. A
-    successor may appear twice in a row; its probabilities add. Shorter rows are padded with
-    probability 0. ``levels`` (S, A) int in 0..k-1, ``discount`` in [0, 1), ``labels`` the k names.
-    ``initial`` (S,) is where episodes start (default: uniform over the states that are not
-    terminal), ``terminal`` (S,) bool where they end (default: nowhere), and ``admissible`` (S, A)
-    bool which actions there are (default: all). ``state_names`` (S names) and ``action_names`` (A
-    names) are for people: queries say them in place of numbers; the ``fingerprint`` leaves them
-    out, so that a log goes on when a name is corrected. Array-likes are accepted and copied, but
-    for arrays of the stored type that are read-only and own their memory; the stored arrays are
-    read-only.
+    Array-likes are accepted and copied. Arrays of the stored type that are read-only and own their
+    memory are not copied. The stored arrays are read-only.
 
+    Parameters
+    ----------
+    successors : (S, A, b) int
+        The next state after action a in state s is ``successors[s, a, j]`` with probability
+        ``probabilities[s, a, j]``. A successor may appear twice in a row; its probabilities add.
+    probabilities : (S, A, b)
+        Shorter rows are padded with probability 0.
+    levels : (S, A) int
+        From 0 to k - 1.
+    discount : float
+        In [0, 1).
+    labels : (k,) str
+        The names of the levels.
+    initial : (S,), optional
+        The distribution of an episode's first state. Default: uniform over the states that are not
+        terminal.
+    terminal : (S,) bool, optional
+        The states where episodes end. Default: none.
+    admissible : (S, A) bool, optional
+        The actions that there are. Default: all.
+    state_names : (S,) str, optional
+    action_names : (A,) str, optional
+        Names for people, which queries use in place of numbers. The ``fingerprint`` leaves them
+        out, so that a log still fits when a name is corrected.
+
+    Raises
+    ------
+    ValueError
+        For a value that cannot be. The message names its index.
+    TypeError
+        For anything that is no array of numbers.
+
+    Notes
+    -----
     A terminal state's value is its level for ever, so its levels must agree over its admissible
-    actions. What is never read needs no valid entries and is overwritten: the rows of a terminal
-    state by a self-loop, those of an inadmissible action by probability 0 throughout, and the
-    successors of padding by the row's last real one, where a sampler that runs off the end by
-    rounding then lands. Rows (and ``initial``) that sum to 1 within 1e-9 but not within 1e-12 are
-    divided by their sum.
+    actions.
 
-    Raises ValueError (or TypeError for what is no array of numbers), naming the index and the
-    value.
+    Entries that are never read need not be valid, and are overwritten. The rows of a terminal state
+    become a self-loop. Those of an inadmissible action get probability 0 throughout. The successors
+    of padding become the row's last real one: a sampler that runs off the end by rounding gets
+    that.
+
+    Rows (and ``initial``) that sum to 1 within 1e-9 but not within 1e-12 are divided by their sum.
     """
 
     successors: NDArray[np.integer[Any]]  # int32 once stored
@@ -159,7 +184,7 @@ class OrdinalMDP:
         self._freeze()  # unpickled arrays are writeable
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        """Itself, for it never changes: to copy a learner does not copy its problem."""
+        """Return itself: it never changes, so that copying a learner does not copy its problem."""
         return self
 
     @classmethod
@@ -194,10 +219,10 @@ class OrdinalMDP:
         """Make an MDP from sparse ``transitions``.
 
         They are one SciPy matrix (S*A, S) whose row s*A + a belongs to (s, a), as in
-        ``OrdinalMDP.transitions``, or a sequence of A matrices (S, S), one an action.
+        ``OrdinalMDP.transitions``, or a sequence of A matrices (S, S), one for each action.
 
-        Rows are stored at the length of the longest, so one state with very many successors costs
-        memory for all. Raises ValueError.
+        Rows are stored at the length of the longest. So one state with very many successors takes
+        memory for all. Raise ValueError.
         """
         matrix = tables.from_sparse(transitions)
         n = matrix.shape[1]
@@ -230,11 +255,11 @@ class OrdinalMDP:
     ) -> OrdinalMDP:
         """Make an MDP from its L state-action pairs, as QuantEcon's DiscreteDP takes them.
 
-        ``levels`` (L,) stands in place of its rewards R, and ``transitions`` (L, S), sparse or
-        dense, in place of Q. ``s_indices`` and ``a_indices`` (L,) are the state and the action of
-        each pair, in any order. ``rest``: initial, terminal, state_names, action_names. A pair that
-        is not listed is inadmissible. Raises ValueError for pairs out of range or listed twice, and
-        for a state without any.
+        ``levels`` (L,) takes the place of its rewards R, and ``transitions`` (L, S), sparse or
+        dense, that of Q. ``s_indices`` and ``a_indices`` (L,) are the state and the action of each
+        pair, in any order. ``rest`` may hold initial, terminal, state_names and action_names. A
+        pair that is not listed is inadmissible. Raise ValueError for pairs out of range or listed
+        twice, and for a state without any.
         """
         matrix, each, listed = tables.from_pairs(
             levels, transitions, s_indices, a_indices, len(labels)
@@ -256,30 +281,30 @@ class OrdinalMDP:
 
         ``env.unwrapped.P`` has ``P[s][a]`` a list of (probability, next state, reward, terminated).
 
-        ``levels`` says what the rewards mean: the rewards, worst first, or a mapping from reward to
-        the name of its level, several rewards to one name if need be; ``labels`` then are these
-        names, worst first (default: as they first appear in the mapping). By default the distinct
-        rewards in increasing order are the levels. Once an episode has ended, every further step
-        counts as one of reward ``after``, which needs a level too.
+        ``levels`` gives the meaning of the rewards. It is the rewards, worst first, or a mapping
+        from reward to the name of its level, in which several rewards may have one name. With a
+        mapping, ``labels`` are these names, worst first (default: as they first appear in the
+        mapping). By default the distinct rewards in increasing order are the levels. After the end
+        of an episode every further step counts as one of reward ``after``, which needs a level too.
 
-        States 0..n-1 are the environment's, so a policy's first n entries are a policy for it; what
-        is appended are states after the end. Where a reward depends on the next state, it is
-        counted on arrival, one step later: this changes no preference between two policies, and
-        scales their differences by ``discount``. A state that can be entered with different rewards
-        is appended once for each further one. ``initial`` is by default
-        ``env.unwrapped.initial_state_distrib`` where there is one. Raises TypeError where there are
-        no tables, ValueError for a reward without a level.
+        States 0..n-1 are the environment's, so a policy's first n entries are a policy for it.
+        States after the end are appended. If a reward depends on the next state, it is counted on
+        arrival, one step later. This changes no preference between two policies, and scales their
+        differences by ``discount``. A state that can be entered with different rewards is appended
+        once for each further one. ``initial`` is by default
+        ``env.unwrapped.initial_state_distrib``, if there is one. Raise TypeError if there are no
+        tables, and ValueError for a reward without a level.
         """
         return cls(**gymnasium_tables.read(env, discount, levels, labels, initial, after))
 
     @property
     def n_states(self) -> int:
-        """S."""
+        """Number of states, S."""
         return int(self.levels.shape[0])
 
     @property
     def n_actions(self) -> int:
-        """A."""
+        """Number of actions, A."""
         return int(self.levels.shape[1])
 
     @property
@@ -289,7 +314,7 @@ class OrdinalMDP:
 
     @cached_property
     def final_level(self) -> Indices:
-        """(S,) a terminal state's level; -1 where the state is not terminal."""
+        """Level (S,) of each terminal state; -1 if a state is not terminal."""
         first = np.argmax(self.admissible, axis=1)
         level: Indices = np.where(
             self.terminal, self.levels[np.arange(self.n_states), first], -1
@@ -299,9 +324,9 @@ class OrdinalMDP:
 
     @cached_property
     def transitions(self) -> sparse.csr_array:
-        """P as CSR (S*A, S); row s*A + a belongs to (s, a).
+        """P as CSR (S*A, S). Row s*A + a belongs to (s, a).
 
-        An admissible action of a terminal state loops; the row of an inadmissible action is empty.
+        An admissible action of a terminal state loops. The row of an inadmissible action is empty.
         Do not write to it.
         """
         n, m, b = self.probabilities.shape
@@ -313,7 +338,7 @@ class OrdinalMDP:
         )
         if (
             not used.all()
-        ):  # else the arrays themselves: at a million states a copy would be a gigabyte
+        ):  # otherwise the arrays themselves: at a million states a copy would be a gigabyte
             p, column = p[used], column[used]
         matrix = sparse.csr_array(
             (p, column.astype(ends.dtype, copy=False), ends), shape=(n * m, n)
@@ -333,7 +358,7 @@ class OrdinalMDP:
         return str(action) if self.action_names is None else self.action_names[action]
 
     def normalise(self, values: ArrayLike) -> Floats:
-        """Values (k,), one a level and increasing, as a scale from 0 to 1. Raises ValueError."""
+        """Return increasing values (k,), one a level, as a scale from 0 to 1. Raise ValueError."""
         scale = normalise(values)
         if scale.size != self.k:
             raise ValueError(f"values must be {self.k} numbers, one a level, not {scale.size}")
@@ -342,25 +367,24 @@ class OrdinalMDP:
     def rewards(self, values: ArrayLike) -> Floats:
         """Return numeric rewards r(s, a) (S, A) if level i is worth values[i].
 
-        They are in the unit of ``values``.
-
-        values (k,) must increase; they are used as they are. Any solver for standard MDPs takes the
-        result, together with ``transitions`` and ``discount``. Raises ValueError.
+        They are in the unit of ``values`` (k,), which must increase and are used as they are. Any
+        solver for standard MDPs takes the result, together with ``transitions`` and ``discount``.
+        Raise ValueError.
         """
         self.normalise(values)
         r: Floats = np.asarray(values, dtype=np.float64)[self.levels]
         return r
 
     def vector_rewards(self) -> Floats:
-        """(S, A, k) one-hot: component i is 1 where the level of (s, a) is i (section 2.2)."""
+        """One-hot rewards (S, A, k): component i is 1 if the level of (s, a) is i (section 2.2)."""
         one_hot: Floats = np.eye(self.k)[self.levels]
         return one_hot
 
     @cached_property
     def fingerprint(self) -> str:
-        """Hash (32 hex digits) of all that is stored, but for names of states and actions.
+        """Hash (32 hex digits) of all that is stored, except the names of states and actions.
 
-        It is the same everywhere.
+        It is the same on every machine.
         """
         digest = hashlib.blake2b(repr((self.discount, self.labels)).encode(), digest_size=16)
         arrays = ("successors", "probabilities", "levels", "initial", "terminal", "admissible")

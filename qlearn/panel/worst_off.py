@@ -41,7 +41,7 @@ class WorstOffPolicy:
     probabilities : (S, A)
         The chance of each action.
     losses : mapping of str to float
-        What the policy loses each member, if their scale is their comparator's best guess.
+        Cost of the policy to each member, if their scale is their comparator's best guess.
     bounds : mapping of str to float
         Upper bounds on the same over all scales that the member's comparator holds plausible.
     excess : float
@@ -53,7 +53,7 @@ class WorstOffPolicy:
         The best of the policies that draw nothing which were tried: each member's best, the best
         for the mean, and the likeliest actions of ``probabilities``. There may be better ones.
     policy_losses : mapping of str to float
-        What that one loses each member, as ``losses``.
+        Cost of that policy to each member, as ``losses``.
     """
 
     probabilities: Floats

@@ -36,7 +36,7 @@ READINGS = {
     3: _ASKED,
     4: {"the formula": "paper_loss_percent", "true policy loss": "excess_loss_percent"},
 }
-"""Of each figure, the measures that its claim is answered by. The paper counts "all queries (tutor
+"""The measures that answer each figure's claim. The paper counts "all queries (tutor
 or model)": whether those that dominance decides are among them depends on where its section 2.2
 eliminates dominated vectors, which its Algorithm 2 does not say."""
 _ARM = ["comparator", "errs"]

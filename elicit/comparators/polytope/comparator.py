@@ -105,7 +105,7 @@ class PolytopeComparator:
         self.answers = Answers.none(self.k)
         self.prior = as_prior(prior, self.k)
         try:
-            self._set = self._wide = PlausibleSet(
+            self._set = self._with_wider_ties = PlausibleSet(
                 Region(self.margin, *prior_rows(self.prior, self.k))
             )
         except Empty:
@@ -201,7 +201,7 @@ class PolytopeComparator:
         )
         new.answers = self.answers + check_answers(answers, self.k)
         if self._cells is not None:
-            new._set, new._wide = self._set, self._wide
+            new._set, new._with_wider_ties = self._set, self._with_wider_ties
             new._cells = self._cells.update(answers, len(self.answers))
             if not new._cells.parts:
                 blank, loose = (
@@ -216,10 +216,10 @@ class PolytopeComparator:
             new._set = self._set.cut(*answer_rows(answers, len(self.answers), self.tie))
         except Empty as empty:
             raise contradiction(empty.region, empty.proof, new.answers) from None
-        if self._wide is self._set and (self.tie == 0 or (answers.y != 0).all()):
-            new._wide = new._set
+        if self._with_wider_ties is self._set and (self.tie == 0 or (answers.y != 0).all()):
+            new._with_wider_ties = new._set
         else:
-            new._wide = self._wide.cut(
+            new._with_wider_ties = self._with_wider_ties.cut(
                 *answer_rows(answers, len(self.answers), ALLOWANCE * self.tie)
             )
         return new
@@ -270,7 +270,9 @@ class PolytopeComparator:
         """
         rows = as_differences(d, self.k)
         return (
-            self._wide.bounded(rows) if self._cells is None else self._cells.greatest(rows)
+            self._with_wider_ties.bounded(rows)
+            if self._cells is None
+            else self._cells.greatest(rows)
         ), 1.0
 
     @one_thread
@@ -299,7 +301,7 @@ class PolytopeComparator:
         limits = np.broadcast_to(np.asarray(enough, dtype=np.float64), len(rows))
         if self._cells is not None:
             return bounds_on_trial(self, questions, rows)
-        return self._wide.greatest_beside(rows, questions, limits)
+        return self._with_wider_ties.greatest_beside(rows, questions, limits)
 
     @cached_property
     def draws(self) -> Draws:

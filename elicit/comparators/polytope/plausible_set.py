@@ -24,9 +24,9 @@ from elicit.lp.rounding import rounding
 from elicit.lp.sign_proofs import sign_of, signs_at_points
 from elicit.lp.support_function import greatest, greatest_beside
 from elicit.lp.vertex_store import (
-    add_corner,
     add_point,
     add_row,
+    add_vertex,
     cut,
     has_point,
     prune,
@@ -240,7 +240,7 @@ class PlausibleSet:
             return sign, tier
         exact = minimise_exactly(t, self.region)
         with np.errstate(all="ignore"):
-            add_corner(self._known, exact.basis)
+            add_vertex(self._known, exact.basis)
         add_point(self._known, exact.g.astype(np.float64))
         if exact.value >= 0:
             self._known = add_row(self._known, t)

@@ -19,7 +19,7 @@ from elicit import (
     Verdict,
     decide,
 )
-from elicit.decision.comparator_rule import NOTHING, PROVEN, nothing, rule_of
+from elicit.decision.comparator_rule import NO_ARRAYS, PROVEN, nothing, rule_of
 from elicit.decision.judge_kernel import certifies, judge, within
 from elicit.decision.verdicts import decide_by
 from elicit.model.difference_kernel import UNSETTLED
@@ -73,7 +73,7 @@ def test_what_lies_above_a_certificate_has_its_verdict(name: str) -> None:
     for row, t in zip(d := pairs(rng, K, 300), tail_sums(d), strict=True):
         for _ in range(
             2
-        ):  # of a corner that a walk finds, the second judgement makes the certificate
+        ):  # of a vertex that a walk finds, the second judgement makes the certificate
             low = np.empty(K - 1)
             verdict, _, certified = judge(row, t.copy(), 0.0, low, rule_of(comparator))
         if not certified:
@@ -161,6 +161,6 @@ def test_a_class_that_compares_in_its_own_way_has_no_rule() -> None:
     class Named(PolytopeComparator):
         pass
 
-    assert rule_of(Blind(K)).kind == NOTHING
+    assert rule_of(Blind(K)).kind == NO_ARRAYS
     assert (decide(Blind(K), np.eye(K)[:2]).verdicts == Blind(K).compare(np.eye(K)[:2])).all()
     assert rule_of(Named(K)).kind == rule_of(PolytopeComparator(K)).kind == PROVEN

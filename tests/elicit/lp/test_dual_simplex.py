@@ -127,9 +127,11 @@ def test_the_smallest_index_rule_ends_too(monkeypatch: pytest.MonkeyPatch) -> No
     """
     from elicit.lp import dual_simplex as simplex
 
-    violated = simplex._Corner.violated
-    monkeypatch.setattr(simplex._Corner, "violated", lambda self, by_index: violated(self, True))
-    monkeypatch.setattr(simplex._Corner, "at", lambda region, basis: None)
+    violated = simplex._IntegerVertex.violated
+    monkeypatch.setattr(
+        simplex._IntegerVertex, "violated", lambda self, by_index: violated(self, True)
+    )
+    monkeypatch.setattr(simplex._IntegerVertex, "at", lambda region, basis: None)
     for case in cases(12, 28, asks=1, most_levels=8, most_answers=30):
         r = case.known().region
         for t in tail_sums(case.ask):

@@ -1,4 +1,4 @@
-"""Walks between corners and what they rest on: every result is a proof, however bad the region or
+"""Walks between vertices and what they rest on: every result is a proof, however bad the region or
 the numbers.
 """
 
@@ -13,15 +13,15 @@ import pytest
 from elicit.lp.dual_simplex import minimise_exactly
 from elicit.lp.primal_simplex import (
     CERTAIN_POINT,
-    CORNER,
     USED,
+    VERTEX,
     Known,
-    corner_of,
     inverse_of,
     keep,
     multipliers,
     pulled_inside,
     redundant,
+    vertex_of,
     walk,
 )
 from elicit.lp.rounding import bound_of, slacks_of, surely_inside
@@ -35,7 +35,7 @@ NOTHING = np.zeros(0, dtype=np.bool_)
 
 
 def starts(known: Known) -> Any:
-    """The corners that a walk can start from."""
+    """The vertices that a walk can start from."""
     return np.flatnonzero(known.kind[: known.counts[USED]] != CERTAIN_POINT)
 
 
@@ -51,9 +51,9 @@ def test_a_walk_is_right_or_does_not_know_and_keeps_what_is_certain(seed: int) -
     for kind, r, known in known_sets(seed, 70):
         for s in objectives(rng, r, 8):
             least = minimise_exactly(s, r).value
-            for corner in rng.permutation(starts(known))[:3]:
+            for vertex in rng.permutation(starts(known))[:3]:
                 before = s.copy()
-                found = walk(s, int(corner), known, NOTHING, 0.0)
+                found = walk(s, int(vertex), known, NOTHING, 0.0)
                 assert (s == before).all()
                 assert found == 0 or (least > 0) - (least < 0) == found, (
                     f"{kind}: {found}, but {float(least)}"
@@ -61,12 +61,12 @@ def test_a_walk_is_right_or_does_not_know_and_keeps_what_is_certain(seed: int) -
                 assert found or kind != "plain" or abs(least) < 1e-9, f"gave up at {float(least)}"
                 seen[found] += 1
         g, slack = np.empty(r.p), np.empty(r.p + len(r.rows))
-        for q in np.flatnonzero(known.kind[: known.counts[USED]] == CORNER)[:12]:
+        for q in np.flatnonzero(known.kind[: known.counts[USED]] == VERTEX)[:12]:
             kept += 1
             assert exactly(r).contains(normalised(known.points[:, q])), kind
             assert len(set(known.active[q])) == r.p - 1
             if kind == "plain":
-                corner_of(known.inverses[q], known.active[q], known, g)
+                vertex_of(known.inverses[q], known.active[q], known, g)
                 slacks_of(g, *of(known), slack)
                 assert np.abs(slack[known.active[q]]).max() < 1e-9
                 assert slack.min() > -1e-9

@@ -59,20 +59,20 @@ def test_a_polytopes_bounds_are_the_optima_of_highs(k):
     np.testing.assert_allclose(high, comparator.bounds(d)[1], atol=1e-8)
 
 
-def test_bounds_on_more_rows_than_corners_are_kept_need_no_other_solver():
-    # a row's corner may have made room for another's before anybody looks: that alone must not send
+def test_bounds_on_more_rows_than_vertices_are_kept_need_no_other_solver():
+    # a row's vertex may have made room for another's before anybody looks: that alone must not send
     # it to Clarabel
     rng = np.random.default_rng(5)
     comparator = PolytopeComparator(10).update(truthful(rng, 20, 10))
     d = differences(rng, 3000, 10)
     high = comparator.simultaneous_bounds(d)[0]
-    assert (high > 0).sum() > 1000  # many times as many as corners
+    assert (high > 0).sum() > 1000  # many times as many as vertices
     assert comparator.solves <= 10  # not hundreds
     np.testing.assert_allclose(high[:200], comparator.bounds(d[:200])[1], atol=1e-8)
 
 
 def test_a_polytopes_bounds_hold_where_the_set_is_thin():
-    # answers in thousands leave a sliver, where corners are hard to invert: then another solver is
+    # answers in thousands leave a sliver, where vertices are hard to invert: then another solver is
     # asked
     rng = np.random.default_rng(3)
     comparator = PolytopeComparator(8).update(truthful(rng, 1500, 8))

@@ -1,4 +1,4 @@
-"""What is known of K_t stays true however long it is used: points, corners, rows, the inner point,
+"""What is known of K_t stays true however long it is used: points, vertices, rows, the inner point,
 the pruning.
 """
 
