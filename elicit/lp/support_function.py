@@ -136,7 +136,8 @@ def greatest_beside(d: Floats, asked: Floats, known: Known, enough: Floats) -> F
     divided.cuts[:, :m] = known.cuts
     expect(_divide, 2e-7 * d.size * d.shape[1] * (1 + len(asked)))
     with np.errstate(all="ignore"):
-        _divide(t, np.ascontiguousarray(rows), known, divided, np.ascontiguousarray(enough), out)
+        # a copy: arrays that may not be written to would have machine code of their own
+        _divide(t, np.ascontiguousarray(rows), known, divided, np.array(enough), out)
     return out
 
 
