@@ -214,7 +214,7 @@ def test_a_log_that_may_not_be_written_is_said(
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("elicit.tutors.log_file.open", closed, raising=False)
-    assert "Permission denied: 'answers-random.jsonl'" in refused(capsys)
+    assert "answers-random.jsonl may not be read or written by you" in refused(capsys)
 
 
 def test_what_lets_others_in_must_be_said(
