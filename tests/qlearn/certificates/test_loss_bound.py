@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as some
 
 from elicit import (
+    AlwaysAsk,
     Answers,
     Dominance,
     PolytopeComparator,
@@ -27,7 +28,7 @@ from qlearn import (
 )
 from qlearn.certificates.advantages import advantages
 from qlearn.certificates.box_bounds import bounds_of_many
-from qlearn.certificates.drawn_scales import drawn_set
+from qlearn.certificates.drawn_scales import drawn_set, draws_of
 from qlearn.certificates.loss_bound import guarantee
 from qlearn.learners.query_strategies import most_even_cut
 from tests.mdp_cases import losses_under, messy_mdp
@@ -180,3 +181,11 @@ def test_a_comparator_that_bounds_nothing_leaves_a_bound_of_one():
     learner.ask()
     assert 0 < learner.result().loss_bound <= 1
     assert learner.result().confidence == 1
+
+
+def test_where_a_comparator_has_no_draws_they_are_of_all_ordered_scales() -> None:
+    gaps, weights, _ = draws_of(AlwaysAsk(4))
+    assert gaps.shape == (3, len(weights))
+    assert gaps.min() >= 0
+    assert gaps.sum(axis=0) == pytest.approx(1)
+    assert gaps.mean(axis=1) == pytest.approx(1 / 3, abs=0.05)

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from elicit import Answer, AnswerLog, Answers, Query
+from elicit.tutors.answer_log import REPEATS
 from qlearn.cli import main as cli
 
 LEFT, RIGHT = [0.1, 0.2, 0.7], [0.3, 0.3, 0.4]
@@ -65,6 +66,20 @@ def test_check(path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     for said in (f"line 3 of {tmp_path / 'damaged'} is damaged", "is a directory", "none"):
         assert said in err
     assert damage(path).read_bytes() == before
+
+
+def test_check_counts_repeats_apart_from_what_is_unused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "repeats.jsonl"
+    with AnswerLog(path, 3) as log:
+        log.append(Answer(Query("a", LEFT, RIGHT), 1))  # type: ignore[arg-type]
+        again = Query("a again", LEFT, RIGHT)
+        log.append(Answer(again, 1), used=False, **{REPEATS: "a"})  # type: ignore[arg-type]
+        log.append(Answer(Query("b", LEFT, RIGHT), -1), used=False)  # type: ignore[arg-type]
+    assert cli.main(["log", "check", str(path)]) == 0
+    said = f"{path}: whole; 3 answers, 0 of them withdrawn, 1 unused, 1 repeats\n"
+    assert capsys.readouterr().out == said
 
 
 def test_merge(path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
