@@ -11,7 +11,6 @@ import numpy as np
 import elicit
 import qlearn
 from elicit import simultaneous_bounds
-from elicit.model.comparator import bounds_of
 from tests.compile_cases import LEARNERS
 
 
@@ -75,7 +74,7 @@ def compared() -> Iterator[str]:
         says = {
             "values": digest(knows.values),
             "verdicts": digest(knows.compare(asked)),
-            "bounds": digest(*bounds_of(knows, asked[:20]), simultaneous_bounds(knows, asked)[0]),
+            "bounds": digest(*knows.bounds(asked[:20]), simultaneous_bounds(knows, asked)[0]),
             "draws": digest(*knows.draws),
         }
         yield f"{name} {says}"

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
+import elicit
 from elicit import (
     AlwaysAsk,
     Answers,
@@ -22,7 +23,6 @@ from elicit import (
     decide,
 )
 from elicit.comparators.panel import _FORMS
-from elicit.model.comparator import offers
 from elicit.model.comparator_parts import OPTIONAL_PARTS
 from elicit.model.pairs import same_pairs
 from elicit.testing import check_comparator, sample_differences
@@ -76,7 +76,7 @@ def test_members_of_different_kinds_conform():
     members = {"ann": PolytopeComparator(K), "ben": PosteriorComparator(K, seed=0)}
     panel = ToldInTheName({**members, "cher": Dominance(K)}, [3, 1, 1])
     check_comparator(panel)
-    assert not offers(panel, "level"), "not all bounds depend on draws"
+    assert not elicit.parts.offers(panel, "level"), "not all bounds depend on draws"
     _, confidence = panel.simultaneous_bounds(np.eye(K))
     assert confidence == pytest.approx(0.95)
 
@@ -130,7 +130,7 @@ def test_the_confidence_of_sums_of_bounds_is_a_union_bound():
     crowd = Panel({f"{i}": PosteriorComparator(K, seed=i) for i in range(21)})
     assert crowd.simultaneous_bounds(np.eye(K))[1] == 0
     mixed = Panel({"ann": PosteriorComparator(K, seed=0), "ben": Exact(VALUES["ann"])})
-    assert not offers(mixed, "simultaneous_bounds")
+    assert not elicit.parts.offers(mixed, "simultaneous_bounds")
 
 
 def test_draws_of_the_mean_combine_the_members_as_independent():
@@ -155,7 +155,9 @@ def test_a_panel_of_one_is_its_member(name):
     for _ in range(2):
         for part in OPTIONAL_PARTS:
             if part.member not in ("people", "whom", "rule", "settle", "answers"):
-                assert offers(panel, part.member) == offers(member, part.member)
+                assert elicit.parts.offers(panel, part.member) == elicit.parts.offers(
+                    member, part.member
+                )
         for mine, theirs in zip(decide(panel, d), decide(member, d), strict=True):
             assert (mine == theirs).all()
         assert (np.array(panel.bounds(d)) == np.array(member.bounds(d))).all()

@@ -13,8 +13,8 @@ import elicit
 from elicit import as_differences
 from elicit.model.difference import MOST, as_vectors, dominance, of_order_one, tail_sums
 from elicit.model.difference_kernel import by_dominance, tail_sums_into, to_order_one
-from elicit.model.scale import dot
 from tests.lp_cases import exact
+from tests.scale_arithmetic import dot
 from tests.thoroughness import examples
 
 Floats = np.ndarray[Any, Any]

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import elicit
 from elicit import (
     AlwaysAsk,
     Answer,
@@ -28,7 +29,6 @@ from elicit import (
     simultaneous_bounds,
 )
 from elicit.decision.comparator_rule import weighted
-from elicit.model.comparator import offers
 from qlearn import (
     InteractiveQLearning,
     InteractiveValueIteration,
@@ -54,7 +54,7 @@ class ByPython:
 
     def __init__(self, inner: Comparator) -> None:
         self.inner, self.k, self.values, self.bounds = inner, inner.k, inner.values, inner.bounds
-        if offers(inner, "simultaneous_bounds"):
+        if elicit.parts.offers(inner, "simultaneous_bounds"):
             self.simultaneous_bounds = lambda d: simultaneous_bounds(inner, d)
 
     def compare(self, d: Any) -> Any:

@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from elicit import Answer, Answers, PolytopeComparator, PosteriorComparator, Query, Verdict
-from elicit.model.comparator import bounds_of
 from elicit.person.course.further import (
     known_question,
     level_question,
@@ -43,7 +42,7 @@ def test_either_answer_is_possible_and_the_question_is_shown_as_it_is(
         low, high = value_bounds(knows)
         assert neighbours or (high - low).max() < 0.02 + 1e-6
         return
-    (least,), (most,) = bounds_of(knows, found.d[None, :])
+    (least,), (most,) = knows.bounds(found.d[None, :])
     assert least < 0 < most
     assert show(found).exact
     assert show(found).of in (10, 100)
@@ -87,7 +86,7 @@ def test_a_known_question_has_one_answer_and_is_not_too_easy() -> None:
     apart = []
     while query := known_question(knows, 10, lambda query: query.id in seen):
         seen.add(query.id)
-        (least,), (most,) = bounds_of(knows, query.d[None, :])
+        (least,), (most,) = knows.bounds(query.d[None, :])
         assert least > 0 or most < 0
         apart.append(max(least, -most))
     assert np.round(apart, 6).tolist() == sorted(np.round(apart, 6).tolist())
