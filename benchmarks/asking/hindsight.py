@@ -47,8 +47,8 @@ Level = Callable[[Floats, Advantages, Floats], int]
 
 
 def hindsight(mdp: OrdinalMDP, values: Floats, tolerance: float) -> dict[str, float]:
-    """Of a truthful tutor and the polytope: how many answers by greed, pruned, and necessary, and
-    the bits.
+    """Count a truthful tutor's answers to the polytope: by greed, pruned, and necessary; and the
+    bits.
     """
     over = _best(mdp, values)
     matters = tolerance * (1 - mdp.discount)
@@ -94,9 +94,7 @@ def bits(d: Floats) -> float:
 
 
 def hindsight_of_posterior(mdp: OrdinalMDP, values: Floats, tolerance: float, seed: int) -> int:
-    """Of the posterior as it comes: how many truthful answers until it gives the optimal policy its
-    bound.
-    """
+    """Count truthful answers until the posterior, as it comes, gives the optimal policy its bound."""
     over, known = _best(mdp, values), PosteriorComparator(mdp.k, seed=seed)
     t, asked = tail_sums(over.d), list[int]()
     while guarantee(mdp, over, known, tolerance).loss_bound > tolerance:
@@ -154,7 +152,7 @@ def _best(mdp: OrdinalMDP, values: Floats) -> Advantages:
 
 
 def _told(known: PolytopeComparator, d: Floats) -> PolytopeComparator:
-    """What is known once each d.e of d (n, k) is said to be at most 0."""
+    """Return the comparator once each d.e of d (n, k) is said to be at most 0."""
     return known.update(Answers(d, np.full(len(d), int(Verdict.WORSE))))
 
 

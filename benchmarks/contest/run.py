@@ -84,7 +84,7 @@ def planned(part: str) -> list[dict[str, Any]]:
 
 
 def quick_enough(part: str, cell: Mapping[str, Any]) -> bool:
-    """Whether the method plays this problem in this part: slow ones do not play all of them."""
+    """Return whether the method plays this problem in this part: slow ones play some only."""
     slow = problems.plan()[part].get("slow_problems", problems.PROBLEMS)
     return not METHODS[str(cell["method"])].runs or cell["problem"] in slow
 

@@ -42,7 +42,7 @@ class Entry(NamedTuple):
 
     @property
     def playable(self) -> bool:
-        """Whether the package that it needs is installed."""
+        """Return whether the package that it needs is installed."""
         return not self.needs or find_spec(self.needs) is not None
 
 

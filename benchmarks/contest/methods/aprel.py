@@ -43,7 +43,7 @@ Rule = Callable[["Belief"], tuple[int, int]]
 
 
 class Belief:
-    """What the rules see: features (n, p) of trajectories, samples of weights, a generator."""
+    """A view for the rules: features (n, p) of trajectories, samples of weights, a generator."""
 
     def __init__(self, features: Floats, beta: float, rng: np.random.Generator) -> None:
         self.features, self.beta, self.rng = features, beta, rng

@@ -17,6 +17,7 @@ from elicit._support.fixed_order import product
 from elicit._support.hashing import Seed
 from elicit._support.seeds import seed_of
 from elicit._support.threads import one_thread
+from elicit.comparators.bradley_terry.draw_bounds import quantiles, upper_together
 from elicit.comparators.bradley_terry.particle_comparator import PARTICLES, PosteriorComparator
 from elicit.comparators.two_orders import (
     Order,
@@ -28,7 +29,6 @@ from elicit.comparators.two_orders import (
 )
 from elicit.decision.comparator_rule import Rule, weighted
 from elicit.decision.verdicts import decide_by
-from elicit.decision.votes import LEVEL_ROUNDING
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import TIE, Verdicts, check_answers, check_levels
 from elicit.model.difference import as_differences, tail_sums
@@ -220,15 +220,9 @@ class OpenOrderPosterior:
         """Return the (1 - level) and the level quantile of d.e, (n,) each."""
         draws = self.draws
         scores = product(tail_sums(self._rows(d)), draws.gaps)
-        low, high = np.empty(len(scores)), np.empty(len(scores))
-        for i, row in enumerate(scores):
-            order = np.argsort(row, kind="stable")
-            below = np.cumsum(draws.weights[order])
-            spare, last = 1.0 - self.level + LEVEL_ROUNDING, len(order) - 1
-            first = int(np.searchsorted(below, spare, side="right"))
-            end = int(np.searchsorted(below, self.level - LEVEL_ROUNDING))
-            low[i], high[i] = row[order[min(first, last)]], row[order[min(end, last)]]
-        return low, high
+        found = [quantiles(row, draws.weights, self.level) for row in scores]
+        low, high = np.array(found).reshape(-1, 2).T
+        return low.copy(), high.copy()
 
     @one_thread
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
@@ -240,10 +234,7 @@ class OpenOrderPosterior:
         at = product(tail_sums(self._rows(d)), draws.gaps)
         if not len(at):
             return np.empty(0), 1.0
-        order = np.argsort(at.max(axis=0), kind="stable")
-        below = np.cumsum(draws.weights[order])
-        kept = order[: 1 + int(np.searchsorted(below, self.level - LEVEL_ROUNDING))]
-        return at[:, kept].max(axis=1), self.level
+        return upper_together(at, draws.weights, self.level), self.level
 
     def _rows(self, d: ArrayLike) -> Floats:
         return filled_up(as_differences(d, self.k))

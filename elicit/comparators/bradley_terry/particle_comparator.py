@@ -30,6 +30,7 @@ from elicit._support.seeds import seed_of
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, is_range, is_whole, require
 from elicit.comparators.bradley_terry.density import ParticlePrior
+from elicit.comparators.bradley_terry.draw_bounds import quantiles, upper_together
 from elicit.comparators.bradley_terry.earlier_people import (
     EarlierPeople,
     OwnParticles,
@@ -58,7 +59,6 @@ from elicit.comparators.bradley_terry.smc import (
 )
 from elicit.decision.comparator_rule import Rule, weighted
 from elicit.decision.verdicts import decide_by
-from elicit.decision.votes import LEVEL_ROUNDING
 from elicit.lp.hit_and_run import Draws
 from elicit.lp.infeasibility import is_empty
 from elicit.lp.prior_inequalities import PriorLike, as_prior
@@ -546,13 +546,7 @@ class PosteriorComparator:
         t = tail_sums(as_differences(d, self.k))
         low, high = np.empty(len(t)), np.empty(len(t))
         for i, row in enumerate(t):
-            scores = dot(row, gaps.T)
-            order = np.argsort(scores, kind="stable")
-            below = np.cumsum(weights[order])
-            low[i] = scores[
-                order[np.searchsorted(below, 1.0 - self.level + LEVEL_ROUNDING, side="right")]
-            ]
-            high[i] = scores[order[np.searchsorted(below, self.level - LEVEL_ROUNDING)]]
+            low[i], high[i] = quantiles(dot(row, gaps.T), weights, self.level)
         least, greatest = order_bounds(t, 0.0)
         return np.clip(low, least, greatest), np.clip(high, least, greatest)
 
@@ -572,11 +566,7 @@ class PosteriorComparator:
         at = product(tail_sums(as_differences(d, self.k)), gaps)
         if not len(at):
             return np.empty(0), 1.0
-        order = np.argsort(at.max(axis=0), kind="stable")
-        kept = order[
-            : 1 + int(np.searchsorted(np.cumsum(weights[order]), self.level - LEVEL_ROUNDING))
-        ]
-        return at[:, kept].max(axis=1), self.level
+        return upper_together(at, weights, self.level), self.level
 
     @cached_property
     @one_thread

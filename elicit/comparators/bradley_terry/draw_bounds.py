@@ -1,0 +1,31 @@
+"""Bounds on d.e from weighted draws of a posterior."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from elicit.decision.votes import LEVEL_ROUNDING
+from elicit.model.scale import Floats
+
+
+def quantiles(scores: Floats, weights: Floats, level: float) -> tuple[float, float]:
+    """Return the (1 - level) and the level quantile of scores (m,) with weights (m,) of total 1.
+
+    The lower one is above 0 if the verdict is BETTER.
+    """
+    order = np.argsort(scores, kind="stable")
+    below, last = np.cumsum(weights[order]), len(order) - 1
+    low = int(np.searchsorted(below, 1.0 - level + LEVEL_ROUNDING, side="right"))
+    high = int(np.searchsorted(below, level - LEVEL_ROUNDING))
+    return float(scores[order[min(low, last)]]), float(scores[order[min(high, last)]])
+
+
+def upper_together(scores: Floats, weights: Floats, level: float) -> Floats:
+    """Return upper bounds (n,) on scores (n, m) that hold together under a weight of ``level``.
+
+    The draws with the greatest score of any row are left out, up to the weight 1 - ``level``.
+    """
+    order = np.argsort(scores.max(axis=0), kind="stable")
+    enough = int(np.searchsorted(np.cumsum(weights[order]), level - LEVEL_ROUNDING))
+    found: Floats = scores[:, order[: 1 + enough]].max(axis=1)
+    return found
