@@ -94,7 +94,7 @@ def bits(d: Floats) -> float:
 
 
 def hindsight_of_posterior(mdp: OrdinalMDP, values: Floats, tolerance: float, seed: int) -> int:
-    """Count truthful answers until the posterior, as it comes, gives the optimal policy its bound."""
+    """Count truthful answers until the posterior, as it comes, gives the best policy its bound."""
     over, known = _best(mdp, values), PosteriorComparator(mdp.k, seed=seed)
     t, asked = tail_sums(over.d), list[int]()
     while guarantee(mdp, over, known, tolerance).loss_bound > tolerance:
