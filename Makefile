@@ -2,6 +2,8 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
+# what is imported is compiled then: half of a set-up's computing went into files that nobody opens
+PIP := --quiet --disable-pip-version-check --no-compile -c constraints.txt
 export OPENBLAS_NUM_THREADS = 1
 export OMP_NUM_THREADS = 1
 # the tests start many programs: each would read the whole source again where nothing compiled may be kept
@@ -44,17 +46,17 @@ docs: $(READY)  ## the site in build/docs, without a warning
 	$(BIN)/python -m sphinx -q -E -W --keep-going -c docs -d build/doctrees . build/docs
 
 evidence: $(READY)  ## every page and figure of results that is of older code, page by page: hours, and the same command goes on
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[peers]'
+	$(BIN)/python -m pip install $(PIP) -e '.[peers]'
 	$(BIN)/python docs/pictures/draw.py
 	$(BIN)/python -m benchmarks.quotes
 	$(BIN)/python -m benchmarks.evidence --all
 
 bench: $(READY)  ## what learning, comparisons and fits cost, against other libraries (most of an hour): benchmarks/RESULTS*.md, docs/exploration.md
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[peers]'
+	$(BIN)/python -m pip install $(PIP) -e '.[peers]'
 	$(BIN)/python -m benchmarks.evidence --fresh --only RESULTS RESULTS-ivi RESULTS-lp exploration RESULTS-bradley-terry
 
 bench-huge: $(READY)  ## value iteration and policy iteration with a million states: up to two hours, one thread, 4 GiB
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[peers]'
+	$(BIN)/python -m pip install $(PIP) -e '.[peers]'
 	$(BIN)/python -m benchmarks.evidence --fresh --only RESULTS-ivi-huge RESULTS-scale
 
 notebooks: $(READY)  ## run the notebooks at their full setting, in place
@@ -64,9 +66,9 @@ $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "Python 3.11 or later is needed; name one with: make PYTHON=python3.12"; exit 1; }
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	$(BIN)/python -m pip install $(PIP) -e .
 	$(BIN)/python -m qlearn.warm_up & compiling=$$!; \
-	  $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]' && wait $$compiling
+	  $(BIN)/python -m pip install $(PIP) -e '.[dev]' && wait $$compiling
 	touch $@
 
 clean:

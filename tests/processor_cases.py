@@ -105,5 +105,46 @@ def resumed(run: Run) -> tuple[list[elicit.Answer], list[elicit.Answer]]:
     return whole[half:], answered(run.make(known=whole[:half]), elicit.ReplayTutor(whole))
 
 
+def planned() -> Iterator[Run]:
+    """Twelve runs of policy iteration, half of them with a tutor who errs."""
+    for seed in range(6):
+        k = 4 + seed
+        mdp, values = qlearn.random_mdp(30, 4, k, seed=seed)
+        make = partial(qlearn.InteractivePolicyIteration, mdp)
+        exact = partial(make, elicit.PolytopeComparator(k), tolerance=5e-4)
+        yield Run(f"polytope {k}", exact, elicit.TruthfulTutor(values))
+        likely = partial(make, elicit.PosteriorComparator(k, seed=seed), tolerance=0.01)
+        yield Run(f"posterior {k}", likely, elicit.FlippingTutor(values, 0.1, seed=seed))
+
+
+def half_done(folder: Path) -> list[list[str]]:
+    """Keep the first half of each planned run's answers in a log; return all its questions."""
+    asked = []
+    for number, run in enumerate(planned()):
+        whole = answered(run.make(), run.tutor)
+        for name, answers in (("whole", whole), ("half", whole[: len(whole) // 2])):
+            with elicit.AnswerLog(folder / f"{name}-{number}.jsonl") as log:
+                for answer in answers:
+                    log.append(answer)
+        asked.append(by_value(whole))
+    return asked
+
+
+def resumed_from(folder: Path) -> list[str]:
+    """Return the questions of runs that go on from the logs of ``half_done``, a line a run."""
+    lines = []
+    for number, run in enumerate(planned()):
+        known = elicit.AnswerLog.read(folder / f"half-{number}.jsonl")
+        tutor = elicit.ReplayTutor(elicit.AnswerLog.read(folder / f"whole-{number}.jsonl"))
+        lines.append(" ".join(by_value(answered(run.make(known=known), tutor))))
+    return lines
+
+
+def by_value(answers: list[elicit.Answer]) -> list[str]:
+    """Return the number of each question's pair, which pairs within 1e-9 share."""
+    numbers = [whole_numbers(tail_sums(answer.query.d[None])[0]) for answer in answers]
+    return [hashlib.blake2b(grains.tobytes(), digest_size=8).hexdigest() for grains, *_ in numbers]
+
+
 if __name__ == "__main__":
     RECORD.write_text("\n".join(report()) + "\n", encoding="utf-8")

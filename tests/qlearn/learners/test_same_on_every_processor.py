@@ -1,13 +1,14 @@
 """The same questions on every processor, and after a restart: none twice."""
 
 import re
+from pathlib import Path
 
 import pytest
 
 from elicit.model.pairs import same_pairs
 from tests import older_processor
 from tests.interpreter import run
-from tests.processor_cases import RECORD, Run, report, resumed, runs
+from tests.processor_cases import RECORD, Run, half_done, report, resumed, runs
 from tests.scale_arithmetic import tail_sums
 from tests.thoroughness import quick_first
 
@@ -44,3 +45,19 @@ def test_a_policy_iteration_that_is_resumed_asks_what_it_would_have_asked(case: 
     assert len(rest) == len(undisturbed) > 1
     for one, other in zip(undisturbed, rest, strict=True):
         assert same_pairs(tail_sums(one.query.d), tail_sums(other.query.d)[None]) == [1]
+
+
+@pytest.mark.slow
+def test_sessions_resumed_on_an_older_processor_ask_what_is_left_and_nothing_twice(
+    tmp_path: Path,
+) -> None:
+    asked = half_done(tmp_path)
+    code = (
+        "from pathlib import Path; from tests.processor_cases import resumed_from; "
+        f"print(*resumed_from(Path({str(tmp_path)!r})), sep='\\n')"
+    )
+    there = run(code, **older_processor.environment(), ELICIT_COMPILE_FIRST="")
+    assert [line.split() for line in there] == [pairs[len(pairs) // 2 :] for pairs in asked]
+    assert len(asked) == 12
+    for pairs in asked:
+        assert len(set(pairs)) == len(pairs) > 2
