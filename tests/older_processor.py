@@ -1,5 +1,5 @@
-"""Run a command as on an older processor: BLAS, NumPy and numba take the kernels of one without
-AVX2 and FMA.
+"""Run a command as on an older processor: BLAS, NumPy, numba and the C library take the kernels of
+one without AVX2 and FMA.
 
 ``python -m tests.older_processor COMMAND ...``. Results that depend on the processor differ then,
 on one machine.
@@ -18,6 +18,7 @@ def environment() -> dict[str, str]:
     return {
         "OPENBLAS_CORETYPE": "Nehalem",
         "NPY_DISABLE_CPU_FEATURES": " ".join(found),
+        "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX2_Usable,-FMA_Usable",
         "NUMBA_CPU_NAME": "x86-64",
         "NUMBA_CPU_FEATURES": "",
     }

@@ -56,6 +56,7 @@ from elicit.comparators.bradley_terry.smc import (
     effective_size,
     learn,
     thetas,
+    without_last_bits,
 )
 from elicit.decision.comparator_rule import Rule, weighted
 from elicit.decision.verdicts import decide_by
@@ -687,9 +688,11 @@ class PosteriorComparator:
         a = np.exp(np.log(self.shape[0]) + spread * np.log(self.shape[1] / self.shape[0]))[:, None]
         x = log_dirichlet(rng, np.broadcast_to(a, (m, p)))
         log_c = prior.mean + prior.sd * ndtri((rng.permutation(m) + rng.random(m)) / m)
-        x = np.ascontiguousarray(x + log_c[:, None])
+        x = np.ascontiguousarray(without_last_bits(x + log_c[:, None]))
         slips = [
-            logit(betaincinv(*law, (rng.permutation(m) + rng.random(m)) / m))[:, None]
+            without_last_bits(logit(betaincinv(*law, (rng.permutation(m) + rng.random(m)) / m)))[
+                :, None
+            ]
             for learned, law in (
                 (prior.lapse < 0, LAPSE),
                 (prior.tie > 0, (1.0, 1.0)),
@@ -700,9 +703,10 @@ class PosteriorComparator:
             return np.ascontiguousarray(np.concatenate([self._within(x, prior), *slips], axis=1))
         of, draws = drawn(self.like, rng, m)
         for i, (log_gaps, log_precision, lapse) in enumerate(draws):
-            x[of == i] = log_gaps + log_precision[:, None]
+            x[of == i] = without_last_bits(log_gaps + log_precision[:, None])
             if prior.lapse < 0:
-                slips[0][of == i, 0] = logit(np.clip(lapse, 1e-300, 1.0 - 1e-16))
+                logits = logit(np.clip(lapse, 1e-300, 1.0 - 1e-16))
+                slips[0][of == i, 0] = without_last_bits(logits)
         learned = len(slips) - (prior.tie > 0)
         x = np.ascontiguousarray(np.concatenate([x, *slips[:learned]], axis=1))
         x = self._within(x, prior)

@@ -55,6 +55,7 @@ from elicit.comparators.bradley_terry.smc import (
     remembered,
     resample,
     tempered,
+    without_last_bits,
 )
 from elicit.model.scale import Floats
 
@@ -290,7 +291,9 @@ def newcomer(prior: ParticlePrior, m: int, seed: int) -> Floats:
     rng = np.random.Generator(np.random.Philox(seed))
     factor, lapse, width = ((rng.permutation(m) + rng.random(m)) / m for _ in range(OWN))
     lapses = betaincinv(prior.lapse_a, prior.lapse_b, lapse)
-    return np.column_stack([SPREAD * ndtri(factor), logit(lapses), logit(width)])
+    return np.asarray(
+        without_last_bits(np.column_stack([SPREAD * ndtri(factor), logit(lapses), logit(width)]))
+    )
 
 
 def _of_scale(x: Floats, prior: ParticlePrior) -> tuple[Floats, Floats]:

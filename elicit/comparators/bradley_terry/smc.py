@@ -26,6 +26,7 @@ ENOUGH, FAIR = (
 # answer is learned in parts
 SWEEPS = 16  # number of sweeps at a move
 ROUNDING = 1e-14  # levels' values whose relative variation is less count as constant
+GRID = 2.0**20  # first particles are whole multiples of its inverse
 
 
 class ParticleArrays(NamedTuple):
@@ -57,6 +58,16 @@ class ParticleArrays(NamedTuple):
     noise: Any
     rows: Any
     tied: Any
+
+
+def without_last_bits(x: Any) -> Any:
+    """Return first particles x on a grid of 2^-20, the same on every processor.
+
+    Logarithms and quantiles differ in their last bits from processor to processor. A move adds a
+    multiple of two particles' difference to a third, which is exact; but what they differ by would
+    grow with each move, until other moves are accepted.
+    """
+    return np.floor(x * GRID + 0.5) / GRID
 
 
 @compiled

@@ -1,5 +1,6 @@
 """Several raters of one scale, against a plain Metropolis sampler and simulated people."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,13 +13,19 @@ import qlearn
 from benchmarks.people.raters import moved
 from elicit import Answers, FlippingTutor, PosteriorComparator
 from elicit._support.hashing import fold
-from elicit.comparators.bradley_terry import mcmc_arrays, raters
+from elicit.comparators.bradley_terry import (
+    earlier_people,
+    mcmc_arrays,
+    particle_comparator,
+    raters,
+)
 from elicit.comparators.bradley_terry.particle_comparator import PRECISION
 from elicit.model.comparator import ALLOWANCE
 from tests.scale_arithmetic import Floats, tail_sums
 from tests.thoroughness import scaled
 
 TIE = 0.05
+FOUR = np.array([0.0, 0.3, 0.7, 1.0])
 
 
 def told(n: int, people: dict[str, Any], values: Floats, seed: int) -> Answers:
@@ -314,6 +321,41 @@ def test_moves_leave_the_prior_as_it_is() -> None:
     for column in range(x.shape[1]):
         assert stats.ks_2samp(moved[:, column], x[:, column]).pvalue > 1e-3, column
     assert mcmc_arrays.log_prior(moved[:, :3].T, 3, raters.of_the_scale(prior))[0].max() < np.inf
+
+
+class OtherLastBits:
+    """NumPy as on another processor: in a fifth of the numbers, a logarithm's last bit differs."""
+
+    rng = np.random.default_rng(0)
+
+    def __getattr__(self, name: str) -> Any:
+        function = getattr(np, name)
+        return partial(self._of, function) if name in ("exp", "log", "log1p") else function
+
+    def _of(self, function: Any, x: Any) -> Any:
+        y = np.asarray(function(x))
+        return np.where(self.rng.random(y.shape) < 0.2, np.nextafter(y, np.inf), y)
+
+
+@pytest.mark.parametrize("of_several", [False, True])
+def test_last_bits_of_logarithms_change_no_posterior(
+    of_several: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Moves are differences of particles, which make any difference at the start grow."""
+    careful, careless = (50.0, 0.02, 0.0), (5.0, 0.3, 0.0)
+    answers = told(90, {"ann": careful, "ben": careless, "eve": careful}, FOUR, 3)
+
+    def learned() -> Any:
+        known = PosteriorComparator(4, seed=1, particles=300, raters=of_several).update(answers)
+        return [known.proposed, known.accepted, *known.values, *known.draws.precision]
+
+    here = learned()
+    other = OtherLastBits()
+    for module in (earlier_people, particle_comparator):
+        monkeypatch.setattr(module, "np", other)
+    there = learned()
+    assert there != here  # the last bits did differ
+    assert there == pytest.approx(here, rel=1e-12, abs=1e-12)
 
 
 def test_a_learner_asks_the_raters_by_turns() -> None:
