@@ -41,8 +41,8 @@ AGREED = {
 FOLLOWING = FollowingTable(
     ("ann", "ben", "chen"),
     ("ann", "ben", "chen", "the mean"),
-    [[0, 0.1, 0, 0.01], [0.2, 0, 0, 0.05], [0.3, 0.4, 0, 0.05]],
-    [[0, 0.15, 0, 0.02], [0.25, 0, 0, 0.07], [0.35, 0.45, 0, 0.09]],
+    [[0, 0.1, 0, 0.05], [0.2, 0, 0, 0.05], [0.3, 0.4, 0, 0.01]],
+    [[0, 0.15, 0, 0.07], [0.25, 0, 0, 0.09], [0.35, 0.45, 0, 0.02]],
     "Losses.",
 )
 PEOPLE = [
@@ -96,10 +96,10 @@ def test_a_report_draws_each_level_for_each_person() -> None:
 def test_a_report_says_whom_the_mean_costs_most_and_tabulates_the_rest() -> None:
     text = text_of(page_of())
     assert (
-        "What is best for the mean of all scales costs ben the most: 5 in 100 of the value range "
+        "What is best for the mean of all scales costs ann the most: 5 in 100 of the value range "
         "by the best guess, and at most 7 in 100."
     ) in text  # the first of two
-    assert "Who loses ann ben chen the mean ann 0.0 (0.0) 10.0 (15.0) 0.0 (0.0) 1.0 (2.0)" in text
+    assert "Who loses ann ben chen the mean ann 0.0 (0.0) 10.0 (15.0) 0.0 (0.0) 5.0 (7.0)" in text
     without = text_of(page_of(following=None))
     assert "Who loses" not in without
     assert "the mean of all scales" not in without
