@@ -33,7 +33,8 @@ _LONGEST = 60  # largest number of questions that are played
 _RUNS = 12  # simulated sessions at most
 _FEWEST_RUNS = 4  # sessions that are worth a sentence
 _SECONDS_OF_PROSPECTS = 60.0  # time limit of all of them, except for a last step
-_CHECKS = 5  # one question in so many is a check, which proves nothing new, but at least four are
+# one question in so many is a check, which proves nothing new, and at least LEAST_CHECKS are
+_CHECKS = 5
 _NO_DIFFERENCE = 1e-12
 
 

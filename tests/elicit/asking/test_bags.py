@@ -28,6 +28,10 @@ def test_halves_are_easier_than_tenths_and_the_ends_than_the_middle():
     assert ease(10, 5, True) == 1.0
     assert ease(10, 5, True) > ease(10, 4, True) > ease(10, 3, True)
     assert ease(10, 5, True) > ease(10, 5, False)
+    asked = Bags(days=2).questions(4)
+    ends = asked.right[:, [0, -1]].all(axis=1)  # both the worst level and the best
+    assert (asked.ease == np.where(ends, 1.0, 0.7)).all()
+    assert ends.sum() == 2
 
 
 def test_information_is_that_of_the_joint_table():

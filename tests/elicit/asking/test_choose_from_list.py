@@ -3,6 +3,7 @@
 import re
 from collections import Counter
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -434,3 +435,41 @@ def test_a_choice_is_short_to_read():
     assert repr(choice) == "Choice(best=2, name='c', status=DONE, asked=0)"
     choice = choose(np.eye(3), Dominance(3), order=True).result()
     assert repr(choice) == "Choice(best=2, order=(2, 1, 0), name='2', status=DONE, asked=0)"
+
+
+def test_the_pair_of_which_either_is_as_likely_better_is_asked_about_first() -> None:
+    """The bounds on d.e are -0.5 and 0.5 for it, -0.2 and 0.5, and -0.3 and 0.7 for the others."""
+    vectors = np.array([[0, 0.7, 0, 0.3], [0, 0, 1, 0], [0.5, 0, 0, 0.5]])
+    (query,) = choose(vectors, PolytopeComparator(4)).ask()
+    assert np.abs(query.d).tolist() == np.abs(vectors[1] - vectors[2]).tolist()
+
+
+class Fickle:
+    """One who takes level 2 to be worth 0.6 to 0.9, and after any answer 0.1 to 0.2."""
+
+    k = 3
+
+    def __init__(self, low: float = 0.6, high: float = 0.9) -> None:
+        self._ends = np.array([[low, high], [1 - low, 1 - high]])
+        self.values = np.array([0.0, (low + high) / 2, 1.0])
+
+    def bounds(self, d: Any) -> Any:
+        at = tail_sums(np.atleast_2d(d)) @ self._ends
+        return at.min(axis=1), at.max(axis=1)
+
+    def compare(self, d: Any) -> Any:
+        low, high = self.bounds(d)
+        verdicts = np.where(low > 0, 1, np.where(high < 0, -1, Verdict.UNKNOWN))
+        return np.where((low == 0) & (high == 0), 0, verdicts).astype(np.int8)
+
+    def update(self, _: Answers) -> "Fickle":
+        return Fickle(0.1, 0.2)
+
+
+def test_what_the_comparator_has_decided_stands_whatever_it_says_later() -> None:
+    """The level is better than the first mixture; of the second, the tutor says that it is not."""
+    choosing = choose([[0, 1, 0], [0.5, 0, 0.5], [0.2, 0, 0.8]], Fickle(), order=True)
+    (query,) = choosing.ask()
+    choosing.tell([Answer(query, -1 if query.left[1] == 1 else 1)])
+    assert choosing.ask() == ()
+    assert choosing.result().order == (2, 0, 1)

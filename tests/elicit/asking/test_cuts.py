@@ -5,8 +5,8 @@ close.
 import numpy as np
 import pytest
 
-from elicit import Answers, PolytopeComparator
-from elicit.asking.cuts import closing_cut, cuts_towards
+from elicit import Answers, Panel, PolytopeComparator
+from elicit.asking.cuts import closing_cut, closing_cut_of_one, cuts_towards
 from elicit.lp.hit_and_run import Draws
 from tests.scale_arithmetic import tail_sums
 
@@ -93,3 +93,21 @@ def test_where_nothing_scatters_there_is_no_cut():
     middle = known.draws.gaps.mean(axis=1)[:, None]
     one = Draws(middle, np.ones(1), np.full(1, np.inf))
     assert closing_cut(known, one, d, high, LIMIT, d[0]) is None
+
+
+def test_a_direction_is_cut_once_and_another_one_beside_it():
+    draws = PolytopeComparator(5).draws
+    one, other = np.array([[0.0, 1, -1, 1, -1], [0.5, -1, 0, -0.5, 1]])
+    high = LIMIT * np.array([8.0, 4, 2])
+    found = cuts_towards(draws, np.array([one, 1.5 * one, other]), high, LIMIT)
+    assert len(found) == 3 * (2 + 3)  # of two directions, and of three middles of what is near
+    worth = tail_sums(np.array([one, other, *found])) @ draws.gaps
+    alike = np.corrcoef(worth)[:2, 2:]
+    assert (alike > 1 - 1e-9).sum(axis=1).min() >= 3
+
+
+def test_where_nothing_is_open_nobody_of_several_is_asked_a_cut():
+    panel = Panel({name: PolytopeComparator(4) for name in ("ann", "ben")})
+    d = np.array([[0.0, 1, -1, 0], [-0.5, 1, 0, -0.5]])
+    assert closing_cut_of_one(panel, d, np.full(2, LIMIT), LIMIT) is None
+    assert closing_cut_of_one(panel, d, np.array([1.0, 0.5]), LIMIT) is not None

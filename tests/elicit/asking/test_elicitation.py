@@ -311,6 +311,18 @@ def test_where_the_tutor_cannot_tell_the_user_says_what_holds(undecided: Verdict
         np.stack([near, near]), lambda row: [("here",), ("there",)][row]
     ).tolist() == [False, True]
     assert judged(asked_by, near) == [(UNKNOWN, Tier.TUTOR, False)], "of no place"
+    put(asked_by, BETTER, OTHER, place=("there",))  # where the tutor can tell
+    at = asked_by.judge(near[None], lambda _: ("there",))
+    assert (at.verdicts.tolist(), at.tiers.tolist()) == ([UNKNOWN], [Tier.TUTOR])
+
+
+def test_an_answer_that_may_end_a_row_of_equals_is_not_taken_at_once() -> None:
+    asked_by = elicitation(PolytopeComparator(K, tie=0.01))
+    left, right = np.maximum(OTHER, 0.0), np.maximum(-OTHER, 0.0)
+    put(asked_by, EQUAL, 1e-3 * OPEN)
+    assert not asked_by.take_at_once(left, right, BETTER)
+    assert (asked_by.asked, len(asked_by.answers)) == (1, 1)
+    assert elicitation(PolytopeComparator(K, tie=0.01)).take_at_once(left, right, BETTER)
 
 
 def test_an_answer_dropped_as_contradictory_settles_its_own_pair() -> None:

@@ -273,3 +273,12 @@ def test_one_name_is_no_list_of_letters():
     with pytest.raises(TypeError, match=r"put the one into a list, \['ann'\]"):
         panel.whom([-0.5, 0.5, 0.5, -0.5], "ann")
     assert panel.whom([-0.5, 0.5, 0.5, -0.5], ["ann"]) is not None
+
+
+def test_a_panel_trusts_as_its_least_certain_member_and_ties_as_its_most_tolerant():
+    sure, less = (PosteriorComparator(K, level=level, particles=50) for level in (0.99, 0.9))
+    for members in ((sure, less), (less, sure)):
+        panel = Panel(dict(zip(VALUES, members, strict=True)))
+        assert (panel.level, panel.confidence) == (0.9, 0.9)
+    ties = {"ann": PolytopeComparator(K, tie=0.01), "ben": PolytopeComparator(K, tie=0.05)}
+    assert Panel(ties).tie == 0.05

@@ -15,6 +15,7 @@ from elicit import (
     Comparator,
     Decisions,
     Dominance,
+    RelaxedPolytopeComparator,
     Tier,
     Verdict,
     decide,
@@ -463,6 +464,9 @@ def test_broken_parts_are_named_where_a_learner_meets_them():
     with pytest.raises(TypeError, match=r"Mine\.draws must be None or a tuple.* but it is tuple"):
         draws_in(bad)
     assert draws_in(OneScale()) is None
+    gaps, weights, precision = even(OneScale())
+    chance = type("Mine", (OneScale,), {"draws": (gaps, weights, 0.0 * precision)})()
+    assert draws_in(chance)[2].tolist() == [0.0] * 3  # a tutor who answers by chance
     bad = type("Mine", (OneScale,), {"simultaneous_bounds": lambda self, d: None})()
     with pytest.raises(
         TypeError,
@@ -485,3 +489,30 @@ def test_simultaneous_bounds_lie_within_those_of_the_order():
     tight = np.array([1 + 1e-12, -0.25, 0.0, -1.0])  # rounding is left as it is
     mine = type("Mine", (OneScale,), {"simultaneous_bounds": lambda self, d: (tight, 1.0)})()
     assert simultaneous_bounds(mine, d)[0].tobytes() == tight.tobytes()
+
+
+def test_bounds_row_by_row_stand_in_for_simultaneous_ones():
+    d = np.array([[-1.0, 0, 0, 1], [1, -2, 1, 0], [0, 1, -2, 1]])
+    high, confidence = simultaneous_bounds(OneScale(), d)
+    assert high.tolist() == OneScale().bounds(d)[1].tolist()
+    assert np.isnan(confidence)
+    loose = {"bounds": lambda self, d: (np.full(len(d), -9.0), np.full(len(d), 9.0))}
+    high, _ = simultaneous_bounds(type("Loose", (OneScale,), loose)(), d)
+    assert high.tolist() == [1, 1, 1]  # those of the order
+
+
+def test_what_answers_would_leave_is_found_on_trial():
+    known = RelaxedPolytopeComparator(4)
+    asked, d = np.array([[0, 1, 0, -1.0], [-0.5, 1, 0, -0.5]]), np.array([[0, 1, -0.5, -0.5]])
+    left = elicit.parts.bounds_after(known, asked, d, 0.0)
+    assert left.shape == (2, 2, 1)
+    for row in range(2):
+        for verdict in (-1, 1):
+            told = known.update(Answers(asked[row : row + 1], [verdict]))
+            assert left[row, (verdict + 1) // 2] == simultaneous_bounds(told, d)[0]
+
+
+def test_people_without_whom_are_one_tutor():
+    named = type("Named", (Dominance,), {"people": ("ann", "ben")})(4)
+    (query,) = elicit.choose([[0, 1, 0, 0], [0.5, 0, 0, 0.5]], named).ask()
+    assert query.who is None

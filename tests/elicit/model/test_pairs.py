@@ -109,6 +109,15 @@ def test_the_latest_answer_to_a_pair_counts() -> None:
     assert pairs.any_binding
 
 
+def test_pairs_of_one_mark_are_told_apart() -> None:
+    """Pairs are sorted by one number, which is the same for these two."""
+    t = np.array([0.3, 0.2])
+    other = t + 0.1 * np.array([np.sqrt(3.0), -np.sqrt(2.0)])
+    pairs = AnsweredPairs(3)
+    pairs.add(np.array([-t[0], t[0] - t[1], t[1]]), 1, binding=False)
+    assert pairs.said(np.array([t, other, -other])).tolist() == [1, 2, 2]
+
+
 def test_tiny_pairs_are_told_apart() -> None:
     t = 1e-11 * round_sums(40, 3, seed=3)
     assert not same_pairs(t[0], -t[:1]).max() > 0

@@ -3,6 +3,7 @@
 import copy
 import gc
 import threading
+import time
 import weakref
 from types import SimpleNamespace
 from typing import Any
@@ -24,6 +25,7 @@ from elicit import (
     Subject,
     TruthfulTutor,
     Verdict,
+    Words,
     choose,
 )
 from elicit.person.outlook import Outlook, what_is_open
@@ -202,3 +204,78 @@ def test_an_interview_says_it_of_the_question_on_the_screen() -> None:
         assert interview.handle({"do": "outlook", "id": id})[
             "to_come"
         ]  # also of an asker that was given
+
+
+class OfLength:
+    """An asker of so many questions, of fewer if the first answer is for the mixture.
+
+    It can lose 0.6, or 0.9 if the first answer is for the level, and less by 0.02 an answer.
+    """
+
+    def __init__(self, most: int, fewer: int, share: float, comparator: Any) -> None:
+        self._most, self._fewer, self._share, self.comparator = most, fewer, share, comparator
+        self._said: list[Verdict | None] = []
+
+    def ask(self) -> list[Query]:
+        """The next one."""
+        n = self._fewer if self._said[:1] == [Verdict.WORSE] else self._most
+        mixture = [1 - self._share, 0, self._share]
+        return [Query(f"{len(self._said)}", [0, 1, 0], mixture)] if len(self._said) < n else []
+
+    def tell(self, answers: Any, on_conflict: str = "raise") -> None:
+        """Count these."""
+        self._said += [answer.verdict for answer in answers]
+
+    def result(self) -> Any:
+        """What can be lost."""
+        most = 0.9 if self._said[:1] == [Verdict.BETTER] else 0.6
+        return SimpleNamespace(loss_bound=max(0.0, most - 0.02 * len(self._said)))
+
+
+ALL = "In all of 12 simulated sessions the result was settled by then."
+OPEN = (
+    "In {} of 12 simulated sessions the result was settled by then. In half of them it could lose "
+    "at most as much as {} in 100 people being “died” instead of “well”."
+)
+LENGTH = "Half of the simulated sessions took at most {} questions, about {} minutes."
+
+
+@pytest.mark.parametrize(
+    ("lengths", "share", "least", "budgets", "settled"),
+    [
+        ((5, 5), 0.5, 0, [ALL] * 3, LENGTH.format(10, 3)),
+        ((5, 5), 0.5, 20, [ALL] * 3, LENGTH.format(25, 8)),
+        ((30, 30), 0.9, 0, [OPEN.format(0, 40), OPEN.format(0, 12), ALL], LENGTH.format(37, 12)),
+        ((99, 5), 0.9, 0, [ALL.replace("all", "11")] * 3, LENGTH.format(10, 3)),
+        ((99, 5), 0.1, 0, [OPEN.format(2, n) for n in (70, 42, 0)], ""),
+    ],
+    ids=["5", "5 of 20", "30", "mostly 5", "mostly 99"],
+)
+def test_the_welcome_counts_sessions_that_are_settled_in_time(
+    lengths: tuple[int, int], share: float, least: int, budgets: list[str], settled: str
+) -> None:
+    found = prospects_of(OfLength(*lengths, share, PolytopeComparator(3)), least)
+    assert (found["budgets"], found["settled"]) == (budgets, settled)
+
+
+def test_the_welcome_forecasts_nothing_without_plausible_scales() -> None:
+    found = prospects_of(OfLength(5, 5, 0.5, AlwaysAsk(3)))
+    assert found == {"budgets": [], "settled": "", "ready": True}
+    asker = OfLength(5, 5, 0.5, PolytopeComparator(3))
+    asker.comparator.lock = threading.Lock()  # so that it cannot be copied
+    assert prospects_of(asker) == {"budgets": [], "settled": "", "ready": True}
+
+
+def prospects_of(asker: Any, least: int = 0) -> dict[str, Any]:
+    """What the welcome forecasts in the end."""
+    subject = Subject(LEVELS, Words("people"), least=least)
+    with (
+        Session(lambda _: asker, AnswerLog()) as session,
+        Interview(session, subject) as interview,
+    ):
+        assert interview.handle({"do": "state"})["stage"] == "welcome"
+        until = time.monotonic() + 60
+        while not (found := interview.handle({"do": "prospects"}))["ready"]:
+            assert time.monotonic() < until
+            threading.Event().wait(0.01)
+        return found

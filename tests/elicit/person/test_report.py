@@ -1,7 +1,6 @@
 """The report that a person keeps: all that was said, in a page that needs nothing else."""
 
 import re
-from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
@@ -10,27 +9,9 @@ import pytest
 from elicit import AnswerLog, Interview, Session, Subject, Words
 from elicit.person.report import ReportDetails, report_page
 from tests.browser_cases import QUESTIONS, Listed
+from tests.page_parts import Parts
 
 LABELS = ("died & <i>gone</i>", 'not "well"', "well")
-
-
-class Parts(HTMLParser):
-    """The elements of a page, in order, and its text."""
-
-    def __init__(self, page: str) -> None:
-        super().__init__()
-        self.tags: list[str] = []
-        self.attributes: list[tuple[str, str | None]] = []
-        self.text = ""
-        self.feed(page)
-        self.text = " ".join(self.text.split())
-
-    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        self.attributes += attributes
-
-    def handle_data(self, data: str) -> None:
-        self.text += data + " "
 
 
 def asked(path: Path, *choices: str) -> dict[str, Any]:

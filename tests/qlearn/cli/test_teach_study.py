@@ -248,6 +248,31 @@ def test_a_report_has_everything_and_leaves_the_logs_as_they_are(
     assert len(json.loads(Path("found/answers.json").read_text())) == sum(counts)
 
 
+def test_at_the_end_it_says_how_many_answers_of_each_were_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("care.csv").write_text(TABLE)
+
+    def served(study: Any, *_: Any, **__: Any) -> None:
+        """Three people answer, of whom the last takes the first answer back."""
+        for who, n in (("ben", 1), ("chen", 3)):
+            interview = study.interviews[who]
+            screen = interview.handle({"do": "practised", "choice": "a"})
+            first = screen["question"]["id"]
+            for _ in range(n):
+                told = {"id": screen["question"]["id"], "choice": "cannot tell"}
+                screen = interview.handle({"do": "answer", **told})
+        interview.handle({"do": "withdraw", "id": first})
+
+    monkeypatch.setattr("elicit.person.hosts.study_web.serve_study", served)
+    options = ("--problem", "care.csv", "--unit", "patients", "--web")
+    assert main(["teach", *options, "--people", "ann,ben,chen"]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("Kept: ann 0 answers, ben 1 answer, chen 2 answers.\nTo go on:\n  ")
+    assert "qlearn report answers-care-ann.jsonl answers-care-ben.jsonl" in said
+
+
 def test_logs_that_make_no_report_are_named(
     logs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

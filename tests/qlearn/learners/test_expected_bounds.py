@@ -80,3 +80,19 @@ def test_a_tutor_who_may_err_is_simulated_so(mdp: qlearn.OrdinalMDP) -> None:
 def test_what_cannot_be_planned_is_refused(mdp: qlearn.OrdinalMDP, name: str, value: float) -> None:
     with pytest.raises(ValueError, match=name):
         qlearn.expected_bounds(mdp, elicit.PolytopeComparator(mdp.k), **{name: value})  # type: ignore[arg-type]
+
+
+def test_the_simulated_tutor_errs_as_often_as_the_comparator_assumes(
+    mdp: qlearn.OrdinalMDP, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Half of the answers given at random are right."""
+    rates = []
+
+    def made(values: np.ndarray, rate: float, seed: int) -> elicit.FlippingTutor:
+        rates.append(rate)
+        return elicit.FlippingTutor(values, rate, seed)
+
+    monkeypatch.setattr("qlearn.learners.expected_bounds.FlippingTutor", made)
+    known = elicit.PosteriorComparator(mdp.k, lapse=0.2, particles=100)
+    qlearn.expected_bounds(mdp, known, 1, runs=3, seed=1)
+    assert rates == [0.1] * 3

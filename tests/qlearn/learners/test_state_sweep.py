@@ -198,6 +198,32 @@ def test_the_result_does_not_depend_on_threads(monkeypatch: pytest.MonkeyPatch) 
     assert whole.asked > 20
 
 
+@pytest.mark.parametrize("oracle", [False, True])
+def test_a_watcher_or_an_oracle_takes_states_in_turn_whatever_the_threads(
+    oracle: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(state_sweep, "BLOCK", 8)
+    monkeypatch.setattr(action_pair_kernel, "_KEPT_AT_ONCE", 5)  # so that blocks are broken off
+    mdp, values = random_mdp(40, 3, 4, discount=0.8, rng=0)
+    comparator = AlwaysAsk(4) if oracle else PolytopeComparator(4)
+    runs = []
+    for jobs in (1, 3):
+        seen: list[Any] = []
+        tutor = FlippingTutor(values, 0.2, seed=1)
+        learner = InteractiveValueIteration(
+            mdp, comparator, tolerance=0.01, max_sweeps=4, jobs=jobs
+        )
+        if oracle:
+            learner.consult(tutor.signs)
+        else:
+            learner.watch(lambda d, _, seen=seen: seen.extend(d.tolist()))
+        result = drive(learner, tutor)
+        runs.append((answers_of(result), seen))
+        assert result.asked > 5
+        assert len(seen) == (0 if oracle else result.compared)
+    assert runs[0] == runs[1]
+
+
 @pytest.mark.parametrize("make", [TruthfulTutor, lambda values: FlippingTutor(values, 0.2, seed=3)])
 def test_an_oracle_answers_the_same_in_the_loop_and_outside(make: Callable[[Floats], Any]) -> None:
     mdp, values = random_mdp(40, 4, 5, discount=0.7, rng=2)

@@ -15,8 +15,10 @@ from elicit.comparators.bradley_terry.earlier_people import (
     NEWCOMERS,
     EarlierPeople,
     Kind,
+    OwnParticles,
     dirichlet_fit,
     drawn,
+    learned_from,
 )
 from elicit.comparators.bradley_terry.particle_comparator import LAPSE, PRECISION
 from elicit.testing import check_comparator, sample_differences
@@ -125,6 +127,26 @@ def test_a_dirichlet_law_is_fitted_as_by_a_general_optimiser(a: list[float]) -> 
     best = minimize(loss, np.zeros(len(a)), tol=1e-12)
     assert loss(np.log(found)) == pytest.approx(best.fun, abs=1e-6)
     np.testing.assert_allclose(found, np.exp(best.x), rtol=1e-3)
+
+
+@pytest.mark.parametrize("spread", [0.3, 1.0])
+def test_how_far_people_differ_is_told_from_how_little_is_known_of_each(spread: float) -> None:
+    """Each one's log c is known up to 1, so that their means are apart by more than they are."""
+    log_c = np.repeat(np.linspace(-10, 20, 61), 9)
+    first = np.tile((np.arange(9) + 0.5) / 9, 61)
+    gaps, lapse = np.log(np.stack([first, 1 - first], axis=1)), np.full(len(first), 0.5)
+
+    def general(at: OwnParticles) -> Any:
+        return gammaln(2) + at.log_gaps.sum(axis=1) - 0.5 * ((at.log_c - 5) / 4) ** 2 - np.log(4)
+
+    people = []
+    for share in (np.arange(11) + 0.5) / 11:
+        mean = stats.norm.ppf(share, 5, np.hypot(spread, 1))
+        weights = stats.norm.pdf(log_c, mean, 1) * stats.norm.pdf(log_c, 5, 4)
+        people.append(OwnParticles(gaps, log_c, lapse, weights / weights.sum()))
+    (kind,) = learned_from(people, 99, general, 0.1, learns_lapse=False, seed=0).kinds
+    assert kind.log_precision == pytest.approx(5, abs=0.05)
+    assert kind.log_precision_sd == pytest.approx(spread, abs=0.25)
 
 
 def test_people_alike_are_learned_and_their_next_is_known_sooner(like: EarlierPeople) -> None:

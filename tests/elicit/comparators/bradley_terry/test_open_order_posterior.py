@@ -161,3 +161,14 @@ def test_bad_input_is_named(call: Any, complaint: str) -> None:
 def test_a_tutor_of_the_other_order_is_refused_by_others_but_not_here() -> None:
     with pytest.raises(ValueError, match="increase"):
         FlippingTutor([0.2, 0.0, 1.0], 0.1)
+
+
+def test_bounds_of_all_rows_at_once_hold_under_the_level_of_the_draws() -> None:
+    known = OpenOrderPosterior(4, (1, 2), particles=FEW)
+    d = np.array([[-0.5, 1, 0, -0.5], [0, 1, -1, 0], [-0.3, 0, 1, -0.7]])
+    high, confidence = known.simultaneous_bounds(d)
+    gaps, weights, _ = known.draws
+    holds = (np.cumsum(d[:, ::-1], axis=1)[:, -2::-1] @ gaps <= high[:, None] + 1e-12).all(axis=0)
+    assert confidence == known.level
+    held = weights[holds].sum()
+    assert known.level - 1e-9 <= held <= known.level + weights.max()

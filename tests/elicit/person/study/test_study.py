@@ -60,6 +60,25 @@ def _first_answer(study: Study, who: str) -> None:
     interview.handle({"do": "answer", "id": screen["question"]["id"], "choice": "a"})
 
 
+def test_answers_taken_back_and_repeats_do_not_count() -> None:
+    sessions = {who: Session(make, AnswerLog(k=4), audit=1) for who in ("ann", "ben")}
+    with Study(sessions, SUBJECT) as study:
+        _first_answer(study, "ben")
+        ann = study.interviews["ann"]
+        ann.handle({"do": "practised", "choice": "a"})
+        log = sessions["ann"].log
+        while not any(entry.repeat for entry in log):
+            question = ann.handle({"do": "state"})["question"]
+            ann.handle({"do": "answer", "id": question["id"], "choice": "equal"})
+        assert study.agreement()["people"] == ["ann", "ben"]
+        for who, session in sessions.items():
+            study.interviews[who].handle({"do": "withdraw", "id": session.log[0].answer.query.id})
+        assert log[0].retracted
+        assert [one["answered"] for one in study.overview()["people"]] == [len(log) - 2, 0]
+        assert study.agreement()["people"] == ["ann"]  # nothing of ben's stands
+        assert "two people" in study.agreement()["few"]
+
+
 def test_threads_take_turns_and_wait_for_replies() -> None:
     turns, done, at_once = Turns(), list[int](), list[int]()
     inside = 0

@@ -1,0 +1,61 @@
+"""The table of what a person's answers change holds what is certain, and says how certain."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from elicit import Bags, FlippingTutor, PolytopeComparator, PosteriorComparator, Words
+from qlearn import InteractivePolicyIteration, equal_gaps_policy, random_mdp
+from qlearn.cli.conclusions import InWords, policy_conclusion
+
+MAKERS: dict[str, tuple[Any, str]] = {
+    "polytope": (PolytopeComparator, "for every scale that fits your answers."),
+    "posterior": (
+        lambda k: PosteriorComparator(k, particles=300, seed=0),
+        "with 95% probability.",
+    ),
+}
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize("name", MAKERS)
+def test_the_changes_listed_are_the_certain_ones(name: str, seed: int) -> None:
+    mdp, values = random_mdp(8, 3, 4, 0.9, seed=seed)
+    make, sure = MAKERS[name]
+    told, tutor = InWords(mdp.labels, Words(), 1e-4), FlippingTutor(values, 0.0)
+    learner = InteractivePolicyIteration(mdp, make(4), tolerance=1e-4, bags=Bags(days=10))
+    equal, found = equal_gaps_policy(mdp), set()
+    for _ in range(10):
+        result = learner.result()
+        changes = policy_conclusion(told, mdp, mdp.action_name, result, None).changes
+        assert changes is not None
+        states = np.flatnonzero(equal != result.policy)
+        d = result.q[states, result.policy[states]] - result.q[states, equal[states]]
+        certain = states[result.comparator.compare(d) == 1] if len(states) else states
+        assert [*changes.rows] == [
+            (mdp.state_name(s), mdp.action_name(equal[s]), mdp.action_name(result.policy[s]))
+            for s in certain.tolist()
+        ]
+        n, rest = len(certain), len(states) - len(certain)
+        found.add((min(n, 2), min(rest, 1)))
+        each = "each " if n > 1 and name == "posterior" else ""
+        held = "This change holds" if n == 1 else "These changes hold"
+        title, note = {
+            (False, False): ("Your answers do not change the plan", ""),
+            (False, True): (
+                f"In {rest} of 8 states your answers may change the plan",
+                " None of these changes is certain yet.",
+            ),
+        }.get(
+            (n > 0, rest > 0),
+            (f"In {n} of 8 states your answers change the plan", f" {held} {each}{sure}"),
+        )
+        if n and rest:
+            note += f" In {rest} more your answers may change it, but that is still open."
+        assert changes.title == title
+        assert changes.note.strip() == f"Compared with equal steps between the levels.{note}"
+        if not (queries := learner.ask()):
+            break
+        learner.tell([tutor(query) for query in queries])
+    assert len(found) >= 3  # kinds of tables
