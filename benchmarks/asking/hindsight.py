@@ -37,8 +37,7 @@ from elicit.model.query import Verdict
 from elicit.model.scale import Floats
 from elicit.tutors.erring_tutor import says_left
 from qlearn.certificates.advantages import Advantages, advantages
-from qlearn.certificates.collected_total import collected
-from qlearn.certificates.loss_bound import guarantee
+from qlearn.certificates.loss_bound import collected, guarantee
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import optimal_policy
 

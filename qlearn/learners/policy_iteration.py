@@ -37,8 +37,7 @@ from elicit.model.outcomes import Status
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
 from qlearn.certificates.advantages import Advantages
-from qlearn.certificates.drawn_scales import drawn_set, draws_of
-from qlearn.certificates.loss_bound import Guarantee, completed
+from qlearn.certificates.loss_bound import Guarantee, completed, drawn_set, draws_of
 from qlearn.learners.learner import (
     Learner,
     Result,

@@ -26,7 +26,7 @@ from elicit.model.needs import Needs, check_needs
 from elicit.model.outcomes import Status
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats, values_of
-from qlearn.certificates.drawn_scales import draws_of
+from qlearn.certificates.loss_bound import draws_of
 from qlearn.environments.rollout_shares import STANDARD_ERRORS, RolloutShares
 from qlearn.learners.learner import check_tolerance
 from qlearn.learners.query_strategies import (

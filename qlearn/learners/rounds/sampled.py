@@ -14,10 +14,8 @@ from elicit.model.difference import tail_sums
 from elicit.model.scale import Floats
 from qlearn.certificates.advantages import Advantages, advantages
 from qlearn.certificates.box_bounds import bounds_of_many
-from qlearn.certificates.collected_total import collected
 from qlearn.certificates.drawn_losses import most_of
-from qlearn.certificates.drawn_scales import drawn_set, draws_of
-from qlearn.certificates.loss_bound import Guarantee, guarantee
+from qlearn.certificates.loss_bound import Guarantee, collected, drawn_set, draws_of, guarantee
 from qlearn.learners.rounds.tuning import TUNING
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import backed_up, rewarded

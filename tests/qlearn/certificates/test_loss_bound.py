@@ -28,8 +28,7 @@ from qlearn import (
 )
 from qlearn.certificates.advantages import advantages
 from qlearn.certificates.box_bounds import bounds_of_many
-from qlearn.certificates.drawn_scales import drawn_set, draws_of
-from qlearn.certificates.loss_bound import guarantee
+from qlearn.certificates.loss_bound import drawn_set, draws_of, guarantee
 from qlearn.learners.query_strategies import most_even_cut
 from tests.mdp_cases import losses_under, messy_mdp
 from tests.thoroughness import examples, scaled

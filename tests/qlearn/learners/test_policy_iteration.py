@@ -47,7 +47,7 @@ from qlearn.certificates import advantages as advantages_module
 from qlearn.certificates import drawn_losses
 from qlearn.certificates.advantages import advantages
 from qlearn.certificates.drawn_losses import loss_over_draws
-from qlearn.certificates.drawn_scales import drawn_set
+from qlearn.certificates.loss_bound import drawn_set
 from qlearn.learners import policy_iteration
 from qlearn.learners.rounds import sampled
 from qlearn.learners.rounds.tuning import TUNING
