@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from qlearn.cli.options import fail, number_parser, part_parser
 from qlearn.experiments.catalogue import PROBLEMS, TAUGHT_WITH
-from qlearn.experiments.factories import Own
+from qlearn.experiments.own_parts import Own
 from qlearn.experiments.settings import FROM_0, INNER, SHARE, NameOrOwn, Number
 
 if TYPE_CHECKING:

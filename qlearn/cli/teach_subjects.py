@@ -37,7 +37,7 @@ from qlearn.cli.conclusions import (
     policy_stakes,
 )
 from qlearn.experiments.catalogue import COMPARATORS, PROBLEMS
-from qlearn.experiments.factories import Own
+from qlearn.experiments.own_parts import Own
 from qlearn.learners.expected_bounds import expected_bounds
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
