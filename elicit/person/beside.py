@@ -21,10 +21,9 @@ from elicit._support.closing import Closing
 from elicit.model.query import Answer, Query, Verdict
 from elicit.person.asker import AfterAnswer, Asker, Supposed, tell
 from elicit.person.background import Background, MadeAhead, Turns
-from elicit.person.course.conduct import LEAST_CHECKS
+from elicit.person.course.conduct import LEAST_CHECKS, Pace
 from elicit.person.course.consequences import Consequences
 from elicit.person.course.further import LEVEL
-from elicit.person.course.pace import Pace
 from elicit.person.drawing import MINUTES, Subject
 from elicit.person.next_question import NextQuestion
 from elicit.person.outlook import Outlook, Prospects

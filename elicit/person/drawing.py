@@ -18,11 +18,10 @@ from elicit.model.query import Query, Verdict
 from elicit.person.asker import Compares, Supposed
 from elicit.person.course.choices import Choices
 from elicit.person.course.conclusion import Conclusion, SessionFacts, in_unit
-from elicit.person.course.conduct import Conduct, choice_of
+from elicit.person.course.conduct import Conduct, Pace, choice_of
 from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
 from elicit.person.course.further import known_question, level_question
-from elicit.person.course.pace import Pace
 from elicit.person.course.start import Before, Start
 from elicit.person.findings import asked_levels, certainty, scale_rows
 from elicit.person.outlook import Prospect

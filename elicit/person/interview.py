@@ -117,18 +117,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from inspect import signature
 from typing import Any
 
 from elicit._support.closing import Closing
+from elicit.model.comparator import Comparator
 from elicit.model.query import Verdict
 from elicit.person.asker import Compares
 from elicit.person.beside import Beside, Company, in_minutes
 from elicit.person.course.choices import CHOICES, Choices
-from elicit.person.course.conduct import IN_CONFLICT, Conduct, differs
-from elicit.person.course.pace import FEW_HASTY, Pace
-from elicit.person.course.progress import Progress
+from elicit.person.course.conduct import FEW_HASTY, IN_CONFLICT, Conduct, Pace, differs
 from elicit.person.course.start import START, Start
 from elicit.person.drawing import Subject as Subject
 from elicit.person.drawing import legend_of
@@ -142,6 +141,42 @@ from elicit.tutors.answer_log import CONTRADICTS, REPEATS, Entry
 
 _MORE_AFTER_CAUTION = 10  # answers until a caution that the person passed over is said again
 _LONGEST_NAME = 80
+
+
+@dataclass(frozen=True, eq=False)
+class Progress:
+    """The point at which an interview stood after its last message.
+
+    Attributes
+    ----------
+    entries : tuple of Entry
+        The answers so far, also those that were taken back.
+    comparator : Comparator or None
+        What is known of the person's scale. None if the asker does not say.
+    stage : str or None
+        The stage of the last screen. None as long as the person did not come.
+    settled : bool
+        True if that screen was a result that is settled.
+    minutes : int or None
+        The time that the person planned.
+    """
+
+    entries: tuple[Entry, ...]
+    comparator: Comparator | None
+    stage: str | None = None
+    settled: bool = False
+    minutes: int | None = None
+
+    @property
+    def answered(self) -> int:
+        """Number of answers that stand, without the repeated questions."""
+        return sum(not entry.retracted and not entry.repeat for entry in self.entries)
+
+    @property
+    def last(self) -> str | None:
+        """The time of the last answer, as the log has it."""
+        times = [entry.metadata.get("time") for entry in self.entries]
+        return times[-1] if times else None
 
 
 class Interview(Beside, Closing):

@@ -15,12 +15,16 @@ from datetime import UTC, datetime
 from os import PathLike
 from typing import Any
 
+import numpy as np
+
 from elicit._support.closing import Closing
 from elicit._support.hashing import Seed
 from elicit._support.seeds import seed_of
 from elicit._support.validation import is_number, require
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator_parts import tie_of
+from elicit.model.difference import tail_sums
+from elicit.model.pairs import same_pairs
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 from elicit.person.asker import (
     AfterAnswer,
@@ -32,7 +36,6 @@ from elicit.person.asker import (
     Supposed,
     counts,
     last_answer,
-    substitute,
 )
 from elicit.person.course.conduct import SETTLED, differs, repeats_in
 from elicit.person.course.repeats import Repeats
@@ -572,10 +575,21 @@ class Session(Closing):
         return self._pending().get(id)
 
     def _in_place_of(self, query: Query) -> Query | None:
-        """Return what is put in place of a pending query, if anything is."""
+        """Return what is put in place of a pending query, if anything is.
+
+        An audit is always put as it is.
+        """
         if self.instead is None or not self.makes_askers:
             return None
-        return substitute(query, self.current_asker(), self._log, self.instead)
+        asker = self.current_asker()
+        if isinstance(asker, Audits) and query.id in asker.implied:
+            return None
+        said = [tail_sums(entry.answer.query.d) for entry in self._log if not entry.retracted]
+
+        def asked_before(other: Query) -> bool:
+            return bool(said) and bool(same_pairs(tail_sums(other.d), np.array(said)).any())
+
+        return self.instead(query, asked_before)
 
     def _reliable(self, k: int) -> PolytopeComparator:
         """Return a comparator that knows no answer and takes each for true."""

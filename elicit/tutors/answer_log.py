@@ -1,9 +1,9 @@
 """The answer log: append-only, and the single source of truth. Comparators are rebuilt from it.
 
 A log on disk is JSON lines: a header, then one line an event, each with a checksum that chains it
-to the line before (``log_lines``). Every append is on the disk before it returns, so a crash loses
-at most the line that was being written. One writer at a time has the file (``log_file``). The log
-reads no clock: a caller who wants times gives them as metadata.
+to the line before (``log_file``). Every append is on the disk before it returns, so a crash loses
+at most the line that was being written. One writer at a time has the file. The log reads no clock:
+a caller who wants times gives them as metadata.
 
 The events: a question was "asked", "answered" (the verdict 0 is "equal", null "cannot tell"), its
 answer was "withdrawn", or found "unused" for what it contradicts, and "used" once that was
@@ -22,17 +22,18 @@ from typing import Any, NamedTuple, Self, SupportsIndex, TypeVar, overload
 
 from elicit._support.closing import Closing
 from elicit.model.query import Answer, Answers, Query, Verdict, as_who
-from elicit.tutors.log_file import LogFile, read_bytes
-from elicit.tutors.log_lines import (
+from elicit.tutors.log_file import (
     CHECK,
     EVENT,
     FORMAT,
     VERSION,
     BadLog,
     Lines,
+    LogFile,
     damage,
     json_of,
     parse,
+    read_bytes,
     with_check,
 )
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from elicit.tutors.answer_log import WHO, AnswerLog, Entry
-from elicit.tutors.log_lines import BadLog
+from elicit.tutors.log_file import BadLog
 
 
 def merge_logs(logs: Sequence[AnswerLog], out: str | os.PathLike[str]) -> None:

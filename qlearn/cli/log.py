@@ -11,7 +11,7 @@ from qlearn.cli.options import fail
 
 if TYPE_CHECKING:
     from elicit.tutors.answer_log import AnswerLog, Entry
-    from elicit.tutors.log_lines import BadLog
+    from elicit.tutors.log_file import BadLog
 
 
 def add_to(commands: Any) -> None:
@@ -154,7 +154,7 @@ def _read(path: Path) -> tuple[AnswerLog | None, list[BadLog | OSError]]:
     None if it is no log at all.
     """
     from elicit.tutors.answer_log import AnswerLog
-    from elicit.tutors.log_lines import BadLog
+    from elicit.tutors.log_file import BadLog
 
     faults: list[BadLog] = []
     try:

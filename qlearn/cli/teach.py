@@ -450,7 +450,7 @@ def begun_with(path: Path, recipe: dict[str, Any]) -> dict[str, Any]:
     A log may be gone on with other options. One without the field stays as it is.
     """
     from elicit import AnswerLog
-    from elicit.tutors.log_lines import BadLog
+    from elicit.tutors.log_file import BadLog
 
     try:
         header = AnswerLog.read(path, []).header

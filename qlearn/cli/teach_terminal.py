@@ -15,7 +15,7 @@ from elicit.person.findings import ScaleRow
 from elicit.person.interview import Interview, Subject
 from elicit.person.session import Session
 from elicit.person.showing import NARROWEST, Choice, printable
-from elicit.tutors.log_lines import BadLog
+from elicit.tutors.log_file import BadLog
 from qlearn.cli.options import fail
 
 _Key = Choice | Literal["undo", "why", "finish", "quit"]
