@@ -113,7 +113,7 @@ def tell(asker: Asker, answer: Answer) -> list[str] | None:
 
 def counts(entry: Entry) -> bool:
     """Return whether an answer stands and is used, or would be used if it contradicted no other."""
-    return not entry.retracted and (entry.used or CONTRADICTS in entry.metadata)
+    return entry.stands and (entry.used or CONTRADICTS in entry.metadata)
 
 
 def last_answer(entries: Sequence[Entry], id: str) -> Answer | None:

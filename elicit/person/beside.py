@@ -166,7 +166,7 @@ class Beside(NextQuestion):
         self._lock = threading.RLock()
         self._company = company
         self._background = Background(company.turns)
-        self._started = any(not entry.retracted for entry in session.log)
+        self._started = bool(session.log.standing)
         self._put: str | None = None  # id of the query that was logged last as shown
         self._beside: _Computed | None = None
         self._prospects: Prospects | None = None

@@ -150,7 +150,7 @@ class Drawing:
         if self._start is None and facts:
             self._start = Before.kept(self._session.log.asked, facts)
         if self._start is None:
-            empty = not any(not entry.retracted for entry in self._session.log)
+            empty = not self._session.log.standing
             asker = self._session.current_asker() if empty else self._session.at_start()
             if asker is None:
                 return None
@@ -273,7 +273,7 @@ class Drawing:
         asker = self._session.current_asker()
         if not isinstance(asker, Compares):
             return None
-        said = [tail_sums(e.answer.query.d) for e in self._session.log if not e.retracted]
+        said = [tail_sums(e.answer.query.d) for e in self._session.log.standing]
 
         def answered(query: Query) -> bool:
             return bool(said) and bool(same_pairs(tail_sums(query.d), np.array(said)).any())

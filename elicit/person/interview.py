@@ -170,7 +170,7 @@ class Progress:
     @property
     def answered(self) -> int:
         """Number of answers that stand, without the repeated questions."""
-        return sum(not entry.retracted and not entry.repeat for entry in self.entries)
+        return sum(entry.stands and not entry.repeat for entry in self.entries)
 
     @property
     def last(self) -> str | None:
@@ -316,7 +316,7 @@ class Interview(Beside, Closing):
 
     def _screen(self, note: str | None = None) -> dict[str, Any]:
         session, words = self._session, self._subject.words
-        standing = [entry for entry in session.log if not entry.retracted]
+        standing = session.log.standing
         screen = self._screen_of(standing, note)
         if not standing and not self._practised and not self._chosen.stopped:
             if not self._started and session.question() is not None:
@@ -418,8 +418,7 @@ class Interview(Beside, Closing):
 
     def _begin(self, who: str = "", budget: str = "", minutes: str = "") -> dict[str, Any]:
         self._started, self._chosen.stopped = True, False
-        begun = any(not entry.retracted for entry in self._session.log)
-        if who.strip() and self._session.log.who is None and not begun:
+        if who.strip() and self._session.log.who is None and not self._session.log.standing:
             self._session.stamp(printable(who.strip())[:_LONGEST_NAME])
         self._chosen.budget, self._chosen.minutes = _number(budget), _number(minutes)
         return self._screen()
@@ -443,11 +442,7 @@ class Interview(Beside, Closing):
         query = self._session.question()
         if query is None or query.id != id:
             said = next(
-                (
-                    e
-                    for e in reversed(self._session.log)
-                    if e.answer.query.id == id and not e.retracted
-                ),
+                (e for e in reversed(self._session.log.standing) if e.answer.query.id == id),
                 None,
             )
             if said is None:
@@ -524,7 +519,7 @@ class Interview(Beside, Closing):
         return self._screen()
 
     def _result(self) -> dict[str, Any]:
-        screen = self._screen_of([e for e in self._session.log if not e.retracted], None)
+        screen = self._screen_of(self._session.log.standing, None)
         return {**screen, "stage": "end", "end": self._end(False)}
 
     def _go_on(self) -> dict[str, Any]:
@@ -540,7 +535,7 @@ class Interview(Beside, Closing):
 
     def _conflict_now(self) -> dict[str, Any] | None:
         """Return the conflict that the last answer is part of, unless the person left it."""
-        standing = [entry for entry in self._session.log if not entry.retracted]
+        standing = self._session.log.standing
         if not standing or not self._subject.least:
             return None
         last = standing[-1]
@@ -563,7 +558,7 @@ class Interview(Beside, Closing):
             return self._screen("That was settled already, perhaps in another window.")
         if choice not in {one["choice"] for one in conflict["choices"]}:
             raise ValueError(f"choice must be one of the conflict's, not {choice[:80]!r}")
-        standing = {e.answer.query.id: e for e in self._session.log if not e.retracted}
+        standing = {e.answer.query.id: e for e in self._session.log.standing}
         last = standing[id]
         self._forget()
         if choice == "later":
@@ -595,7 +590,7 @@ class Interview(Beside, Closing):
         return self._screen("Thank you. The other answers stay.")
 
     def _undo(self, id: str) -> dict[str, Any]:
-        standing = [entry for entry in self._session.log if not entry.retracted]
+        standing = self._session.log.standing
         if not standing or standing[-1].answer.query.id != id:
             return self._screen(
                 "Nothing was taken back, because that is no longer the last answer."
@@ -606,9 +601,7 @@ class Interview(Beside, Closing):
         return self._screen("Taken back.")
 
     def _withdraw(self, id: str) -> dict[str, Any]:
-        if not any(
-            entry.answer.query.id == id and not entry.retracted for entry in self._session.log
-        ):
+        if not any(entry.answer.query.id == id for entry in self._session.log.standing):
             return self._screen("Nothing was taken back, because that answer no longer stands.")
         self._forget()
         self._session.withdraw(id)

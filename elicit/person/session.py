@@ -309,13 +309,9 @@ class Session(Closing):
             As ``AnswerLog.append`` raises it. The question is then still pending.
         """
         asker = self.current_asker()
-        said = last_answer(self._replayed.standing()[1], id)
+        said = last_answer(self._replayed.known_and_told()[1], id)
         query = None if said else self._to_answer(id)
-        said = said or (
-            None
-            if query
-            else last_answer([entry for entry in self._log if not entry.retracted], id)
-        )
+        said = said or (None if query else last_answer(self._log.standing, id))
         if said is not None:
             return _unchanged(said, verdict)
         if query is None:
@@ -365,7 +361,7 @@ class Session(Closing):
         ValueError
             If there is no answer, and otherwise as ``withdraw`` does.
         """
-        standing = [entry for entry in self._log if not entry.retracted]
+        standing = self._log.standing
         if not standing:
             raise ValueError("there is no answer to undo")
         last = standing[-1].answer
@@ -408,7 +404,7 @@ class Session(Closing):
             If no such repeat stands, or its first answer does not, or if the first answer changes
             and the session was given an asker in place of a function that makes one.
         """
-        standing = {e.answer.query.id: e for e in self._log if not e.retracted}
+        standing = {e.answer.query.id: e for e in self._log.standing}
         again = standing.get(id)
         first = None if again is None else standing.get(str(again.metadata.get(REPEATS)))
         if again is None or not again.repeat or first is None:
@@ -497,7 +493,7 @@ class Session(Closing):
         more answer takes far less time than all ``conflicts``.
         """
         rest = [entry for entry in self._log if counts(entry) and entry.answer.verdict is not None]
-        standing = [entry for entry in self._log if not entry.retracted]
+        standing = self._log.standing
         if not rest or rest[-1] is not standing[-1]:
             return ()
         rest = [entry for entry in rest if entry.answer.who == rest[-1].answer.who]
@@ -529,7 +525,7 @@ class Session(Closing):
         Computing it may take a second, for it looks for the next question.
         """
         entries = [entry for entry in self._log if not entry.repeat]
-        standing = [entry for entry in entries if not entry.retracted]
+        standing = [entry for entry in entries if entry.stands]
         again = repeats_in(self._log)
         verdicts = [entry.answer.verdict for entry in standing]
         return SessionStatus(
@@ -584,7 +580,7 @@ class Session(Closing):
         asker = self.current_asker()
         if isinstance(asker, Audits) and query.id in asker.implied:
             return None
-        said = [tail_sums(entry.answer.query.d) for entry in self._log if not entry.retracted]
+        said = [tail_sums(entry.answer.query.d) for entry in self._log.standing]
 
         def asked_before(other: Query) -> bool:
             return bool(said) and bool(same_pairs(tail_sums(other.d), np.array(said)).any())

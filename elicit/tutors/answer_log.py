@@ -77,6 +77,11 @@ class Entry:
     retraction: Mapping[str, Any] | None = None
 
     @property
+    def stands(self) -> bool:
+        """True unless the answer was taken back."""
+        return self.retraction is None
+
+    @property
     def retracted(self) -> bool:
         """True if the answer was taken back."""
         return self.retraction is not None
@@ -301,6 +306,11 @@ class AnswerLog(Closing):
         """
         self._put("restarted", {}, metadata)
 
+    @property
+    def standing(self) -> tuple[Entry, ...]:
+        """The entries that were not taken back, also repeats and those that are not used."""
+        return tuple(entry for entry in self if entry.stands)
+
     def answers(self) -> Answers:
         """Return the answers that a comparator learns from, in order.
 
@@ -512,7 +522,7 @@ def _withdrawn(entries: list[Entry], id: Any, told: Mapping[str, Any]) -> dict[i
     Raises ValueError where it takes back nothing.
     """
     mine = {i: entry for i, entry in enumerate(entries) if entry.answer.query.id == id}
-    people = sorted({e.answer.who for e in mine.values() if not e.retracted and e.answer.who})
+    people = sorted({e.answer.who for e in mine.values() if e.stands and e.answer.who})
     if len(people) > 1:
         raise ValueError(
             f"answers of {' and '.join(people)} to query {id} stand in this log: take back one in "
@@ -526,9 +536,7 @@ def _withdrawn(entries: list[Entry], id: Any, told: Mapping[str, Any]) -> dict[i
         )
         raise ValueError(f"the answer with the id {id!r} {why}")
     return {
-        i: replace(entry, used=False, retraction=told)
-        for i, entry in mine.items()
-        if not entry.retracted
+        i: replace(entry, used=False, retraction=told) for i, entry in mine.items() if entry.stands
     }
 
 
@@ -539,7 +547,7 @@ def _marked(entries: list[Entry], id: Any, used: bool, told: Mapping[str, Any]) 
     """
     for i in reversed(range(len(entries))):
         entry = entries[i]
-        if entry.answer.query.id == id and entry.used != used and not entry.retracted:
+        if entry.answer.query.id == id and entry.used != used and entry.stands:
             return {i: replace(entry, used=used, metadata={**entry.metadata, **told})}
     was = "unused" if used else "used"
     raise ValueError(
@@ -554,7 +562,7 @@ def check_person(log: AnswerLog, who: str | None) -> None:
     """
     if who is None:
         return
-    named = {log.who} | {entry.answer.who for entry in log if not entry.retracted}
+    named = {log.who} | {entry.answer.who for entry in log.standing}
     if others := sorted(name for name in named if name not in (None, who)):
         held = ", ".join(map(repr, others))
         raise BadLog(

@@ -99,7 +99,7 @@ def check(files: list[Path]) -> int:
         if log is not None and not faults:
             entries = list(log)
             withdrawn = sum(entry.retracted for entry in entries)
-            repeats = sum(entry.repeat and not entry.retracted for entry in entries)
+            repeats = sum(entry.repeat and entry.stands for entry in entries)
             unused = sum(not entry.used for entry in entries) - withdrawn - repeats
             kinds = f"{withdrawn} of them withdrawn, {unused} unused" + (
                 f", {repeats} repeats" if repeats else ""

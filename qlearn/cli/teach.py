@@ -477,7 +477,7 @@ def _served(session: Session, subject: Subject, again: str, how: SessionOptions)
     # a package is missing, an address lets others in, a port is in use
     except (ImportError, ValueError, OSError) as error:
         return fail(error)
-    kept = sum(not entry.retracted and not entry.repeat for entry in session.log)
+    kept = sum(not entry.repeat for entry in session.log.standing)
     print(
         f"Kept: {kept} answer{'' if kept == 1 else 's'}. To go on:\n  {printable(again)}",
         flush=True,

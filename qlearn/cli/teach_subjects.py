@@ -171,7 +171,7 @@ def _comparator_maker(
     told = {}
     for path in like:
         log = AnswerLog.read(path)
-        if not any(not entry.retracted for entry in log):
+        if not log.standing:
             raise ValueError(f"{path} holds no answers to learn from: leave it out of --like")
         theirs = log.header.get("labels")
         if theirs != list(labels):

@@ -232,7 +232,7 @@ class Terminal:
         self._say(f"\nAll answers are in {self._log.path}.")
 
     def _leave(self, code: int) -> int:
-        answered = sum(not entry.retracted and not entry.repeat for entry in self._log)
+        answered = sum(not entry.repeat for entry in self._log.standing)
         self._say(f"Kept: {_answers(answered)}. To go on:")
         print(f"  {printable(self._again)}", flush=True)
         return code

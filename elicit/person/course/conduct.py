@@ -108,7 +108,7 @@ class Conduct:
     @staticmethod
     def of(log: Sequence[Entry]) -> Conduct:
         """Return the conduct of the answers of a log."""
-        standing = [entry for entry in log if not entry.retracted and not entry.repeat]
+        standing = [entry for entry in log if entry.stands and not entry.repeat]
         repeats = repeats_in(log)
         order = [
             entry
@@ -117,7 +117,7 @@ class Conduct:
             and (entry.retraction is None or RESOLVED in entry.retraction)
             and entry.answer.verdict is not None
         ]
-        said = [choice_of(entry.answer) for entry in log if not entry.retracted]
+        said = [choice_of(entry.answer) for entry in log if entry.stands]
         last = said[-1] if said else None
         row = 0
         while row < len(said) and said[-1 - row] == last:
@@ -250,7 +250,7 @@ class Pace:
     @staticmethod
     def of(log: Iterable[Entry]) -> Pace:
         """Return the pace of the answers of a log that stand."""
-        said = [entry.metadata.get("latency") for entry in log if not entry.retracted]
+        said = [entry.metadata.get("latency") for entry in log if entry.stands]
         took = [float(one) for one in said if isinstance(one, int | float) and one >= 0]
         own = median(took) if len(took) >= _KNOWN_AFTER else SECONDS
         return Pace(

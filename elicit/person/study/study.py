@@ -127,7 +127,7 @@ class Study(Closing):
         with self._lock:  # so that it is computed once for the same answers
             found = {who: interview.progress for who, interview in self.interviews.items()}
             answers = {
-                who: [entry for entry in now.entries if not entry.retracted and not entry.repeat]
+                who: [entry for entry in now.entries if entry.stands and not entry.repeat]
                 for who, now in found.items()
             }
             key = {
