@@ -8,7 +8,7 @@ from elicit.model.comparator import Comparator
 from elicit.model.query import Answer, InconsistentAnswers, Query, Verdict
 from elicit.tutors.answer_log import CONTRADICTS, Entry
 
-Instead: TypeAlias = Callable[[Query, Callable[[Query], bool]], Query | None]
+ChooseReplacement: TypeAlias = Callable[[Query, Callable[[Query], bool]], Query | None]
 """Returns the query to put in place of another, or None for the query itself. Its second argument
 tells whether a query's difference was answered before."""
 

@@ -23,7 +23,7 @@ from elicit.person.asker import AfterAnswer, Asker, Supposed, tell
 from elicit.person.background import Background, MadeAhead, Turns
 from elicit.person.course.conduct import LEAST_CHECKS, Pace
 from elicit.person.course.consequences import Consequences
-from elicit.person.course.further import LEVEL
+from elicit.person.course.level_questions import LEVEL
 from elicit.person.drawing import MINUTES, Subject
 from elicit.person.next_question import NextQuestion
 from elicit.person.outlook import Outlook, Prospects

@@ -21,7 +21,7 @@ from elicit.person.course.conclusion import Conclusion, SessionFacts, in_unit
 from elicit.person.course.conduct import Conduct, Pace, choice_of
 from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
-from elicit.person.course.further import known_question, level_question
+from elicit.person.course.level_questions import known_question, level_question
 from elicit.person.course.start import Before, Start
 from elicit.person.findings import asked_levels, certainty, scale_rows
 from elicit.person.outlook import Prospect

@@ -30,8 +30,8 @@ from elicit.person.asker import (
     AfterAnswer,
     Asker,
     Audits,
+    ChooseReplacement,
     Compares,
-    Instead,
     MakeAsker,
     Supposed,
     counts,
@@ -129,12 +129,12 @@ class Session(Closing):
         self._put_at: dict[
             str, float
         ] = {}  # when a pending question was put, by a clock that only goes forwards
-        self.instead: Instead | None = None
+        self.choose_replacement: ChooseReplacement | None = None
         """Chooses the query that replaces the asker's, for a session that makes its askers.
 
         After the answer a new asker is made, which knows it.
         """
-        self.further: Callable[[], Query | None] | None = None
+        self.choose_extra: Callable[[], Query | None] | None = None
         """Chooses a question once the asker has none, for a session that makes its askers."""
         # a comparator that takes all for true, what it was offered, and the answers that it took
         self._consistent: tuple[PolytopeComparator, list[Any], list[Entry]] | None = None
@@ -194,8 +194,8 @@ class Session(Closing):
         query = self.next_told()
         if query is not None:
             query = self._repeats.due() or self._in_place_of(query) or query
-        elif self.further is not None and self.makes_askers:
-            query = self.further()
+        elif self.choose_extra is not None and self.makes_askers:
+            query = self.choose_extra()
         if query is not None:
             self._put_at.setdefault(query.id, time.monotonic())
         return query
@@ -561,8 +561,8 @@ class Session(Closing):
         waits = self.next_told()
         if waits is not None:
             others = (self._repeats.due(), self._in_place_of(waits))
-        elif self.further is not None and self.makes_askers:
-            others = (self.further(), None)
+        elif self.choose_extra is not None and self.makes_askers:
+            others = (self.choose_extra(), None)
         else:
             return None
         for query in others:
@@ -575,7 +575,7 @@ class Session(Closing):
 
         An audit is always put as it is.
         """
-        if self.instead is None or not self.makes_askers:
+        if self.choose_replacement is None or not self.makes_askers:
             return None
         asker = self.current_asker()
         if isinstance(asker, Audits) and query.id in asker.implied:
@@ -585,7 +585,7 @@ class Session(Closing):
         def asked_before(other: Query) -> bool:
             return bool(said) and bool(same_pairs(tail_sums(other.d), np.array(said)).any())
 
-        return self.instead(query, asked_before)
+        return self.choose_replacement(query, asked_before)
 
     def _reliable(self, k: int) -> PolytopeComparator:
         """Return a comparator that knows no answer and takes each for true."""

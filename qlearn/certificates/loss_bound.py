@@ -44,7 +44,7 @@ from elicit.model.comparator_parts import (
 )
 from elicit.model.needs import Needs
 from elicit.model.scale import Floats
-from qlearn.certificates.advantages import ROUNDING, Advantages, advantages
+from qlearn.certificates.advantages import ROUNDING, Advantages, advantages_over
 from qlearn.certificates.drawn_losses import loss_over_draws
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import policy_iteration
@@ -89,7 +89,7 @@ def loss_bound(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator) -> Gu
     ValueError
         As ``evaluate_policy`` does.
     """
-    return guarantee(mdp, advantages(mdp, policy), comparator)
+    return guarantee(mdp, advantages_over(mdp, policy), comparator)
 
 
 def loses_at_most(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator, most: float) -> bool:
@@ -97,12 +97,12 @@ def loses_at_most(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator, mo
 
     The result may be False if the bound cannot show it.
     """
-    return guarantee(mdp, advantages(mdp, policy), comparator, most).loss_bound <= most
+    return guarantee(mdp, advantages_over(mdp, policy), comparator, most).loss_bound <= most
 
 
 @one_thread
 def guarantee(
-    mdp: OrdinalMDP, over: Advantages, comparator: Comparator, enough: float | None = None
+    mdp: OrdinalMDP, advantages: Advantages, comparator: Comparator, enough: float | None = None
 ) -> Guarantee:
     """Return the loss bound of the policy that has these advantages.
 
@@ -110,16 +110,16 @@ def guarantee(
     """
     if unordered_of(comparator) is not None:
         # in the other order one tail sum is made of three of these: t_i - t_(i+1) + t_(i+2)
-        over = over._replace(doubt=3.0 * over.doubt)
+        advantages = advantages._replace(doubt=3.0 * advantages.doubt)
     drawn = drawn_set(comparator)
     if drawn is not None:
         draws, level = drawn
         confidence = stated_confidence(comparator, level)
-        return Guarantee(loss_over_draws(mdp, over, draws, level, enough), confidence)
+        return Guarantee(loss_over_draws(mdp, advantages, draws, level, enough), confidence)
     cells, most, confidence = cells_of(comparator), 0.0, 1.0
     for cell in cells:
-        high, confidence = simultaneous_bounds(cell.scales, over.d)
-        most = max(most, float(collected(mdp, over, high).max(initial=0.0)))
+        high, confidence = simultaneous_bounds(cell.scales, advantages.d)
+        most = max(most, float(collected(mdp, advantages, high).max(initial=0.0)))
         if (
             enough is not None and most > enough and len(cells) > 1
         ):  # the other cells need not be looked at
@@ -128,20 +128,20 @@ def guarantee(
 
 
 def completed(
-    found: Guarantee, mdp: OrdinalMDP, over: Advantages, comparator: Comparator
+    found: Guarantee, mdp: OrdinalMDP, advantages: Advantages, comparator: Comparator
 ) -> Guarantee:
     """Return a guarantee, with its bound computed if a search left it at inf.
 
-    ``over`` may have the advantages of some states only: then all are computed.
+    ``advantages`` may have the advantages of some states only: then all are computed.
     """
     if np.isfinite(found.loss_bound):
         return found
-    return guarantee(mdp, advantages(mdp, over.policy, over.v), comparator)
+    return guarantee(mdp, advantages_over(mdp, advantages.policy, advantages.v), comparator)
 
 
 def collected(
     mdp: OrdinalMDP,
-    over: Advantages,
+    advantages: Advantages,
     high: Floats,
     start: Floats | None = None,
     within: float = 0.0,
@@ -153,7 +153,7 @@ def collected(
     Parameters
     ----------
     mdp : OrdinalMDP
-    over : Advantages
+    advantages : Advantages
     high : (n,)
         Upper bounds on the advantages.
     start : (S,), optional
@@ -168,13 +168,13 @@ def collected(
     """
     gain = np.full(mdp.levels.shape, -np.inf)
     live = np.flatnonzero(~mdp.terminal)
-    gain[live, over.policy[live]] = 0.0
-    gain[over.states, over.actions] = high
+    gain[live, advantages.policy[live]] = 0.0
+    gain[advantages.states, advantages.actions] = high
     gain[live] += ROUNDING
     total = np.zeros(mdp.n_states)
     if gain.max() > ROUNDING:
         total = greatest_total(mdp, gain, start, within)
-    total[live] += over.doubt / (1 - mdp.discount)
+    total[live] += advantages.doubt / (1 - mdp.discount)
     return np.clip(total, 0.0, 1.0)
 
 

@@ -426,9 +426,9 @@ class Learner:
 
     def _act(self) -> None:
         """Act on the answers, once. After an interruption, act on all of them again."""
-        if self._elicitation.told:
-            self._take(self._elicitation.told)
-            self._elicitation.told = ()
+        if self._elicitation.to_act_on:
+            self._take(self._elicitation.to_act_on)
+            self._elicitation.to_act_on = ()
 
     def _take(self, told: Sequence[AnsweredQuery]) -> None:
         """Act on the verdicts. Doing so twice must have the same effect as once."""

@@ -192,7 +192,7 @@ class InteractiveQLearning(Learner):
             pair = self._pair()
             d = (pair.left - pair.right)[None, :]
             places = [pair.place]  # of the only row
-            verdicts, tiers = elicitation.judge(d, places.__getitem__)
+            verdicts, tiers = elicitation.decide(d, places.__getitem__)
             if verdicts[0] == Verdict.UNKNOWN:
                 return elicitation.open([pair._replace(tier=int(tiers[0]))])
             self._verdict = int(verdicts[0])

@@ -24,8 +24,8 @@ from qlearn.learners.action_pair_kernel import (
     decide,
     difference,
     full,
-    glance,
     keep,
+    without_proof,
 )
 
 DONE, ASK, DEFER, FULL = range(4)
@@ -114,7 +114,7 @@ def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
                     if full(used, room, fill):
                         return FULL
                     row = s * m + challenger
-                    verdict, tier = glance(
+                    verdict, tier = without_proof(
                         difference(q, s, challenger, incumbent, d, t),
                         row,
                         t,

@@ -510,7 +510,7 @@ class InteractiveTraining:
     def _audit(self, shares: Floats, at: int) -> _Question | None:
         """Return a pair of policies that the answers have decided, if audits are wanted."""
         d = np.delete(shares, at, axis=0) - shares[at]
-        judged = self._elicitation.judge(d, lambda row: self._pair_of_policies(at, row).place)
+        judged = self._elicitation.decide(d, lambda row: self._pair_of_policies(at, row).place)
         rows = np.flatnonzero((judged.verdicts == Verdict.UNKNOWN) & (judged.tiers != Tier.TUTOR))
         if not len(rows) or not self._elicitation.audits_left:
             return None
