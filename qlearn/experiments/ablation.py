@@ -49,7 +49,8 @@ from qlearn.experiments.metrics import (
 from qlearn.experiments.own_parts import Own, comparator_of, learner_of, problem_of, tutor_of
 from qlearn.experiments.parallel import Cell, Interrupted, SweepOptions, sweep
 from qlearn.experiments.settings import NAMED_TUTORS, ORDER, AblationSettings, Settings
-from qlearn.learners.learner import Learner, drive
+from qlearn.learners.driving import drive
+from qlearn.learners.learner import Learner
 from qlearn.mdp.equal_gaps import equal_gaps_policy
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import policy_loss, value_iteration

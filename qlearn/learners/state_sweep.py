@@ -14,9 +14,9 @@ from elicit.model.comparator import Decisions, Tier
 from elicit.model.difference_kernel import UNKNOWN, UNSETTLED
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats
-from qlearn.learners.action_pair_kernel import PairJudge
 from qlearn.learners.learner import place
-from qlearn.learners.state_sweep_kernel import ANSWERED, Outcome, Work, no_outcome, sweep
+from qlearn.learners.loops.action_pair_kernel import PairJudge
+from qlearn.learners.loops.state_sweep_kernel import ANSWERED, Outcome, Work, no_outcome, sweep
 from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.warm_planning import nearly_valued

@@ -16,7 +16,7 @@ from elicit.model.comparator import Tier
 from elicit.model.difference_kernel import BETTER, UNKNOWN, UNSETTLED
 from elicit.model.scale import Floats
 from elicit.tutors.simulated_kernel import NOBODY, respond
-from qlearn.learners.action_pair_kernel import (
+from qlearn.learners.loops.action_pair_kernel import (
     BY_TUTOR,
     OPEN,
     Judging,

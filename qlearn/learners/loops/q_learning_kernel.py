@@ -17,7 +17,7 @@ from elicit._support.jit import compiled
 from elicit.lp.sign_proofs import BY_DOMINANCE
 from elicit.model.difference_kernel import BETTER, UNKNOWN, UNSETTLED
 from elicit.tutors.simulated_kernel import NOBODY, respond
-from qlearn.learners.action_pair_kernel import (
+from qlearn.learners.loops.action_pair_kernel import (
     BY_TUTOR,
     OPEN,
     Judging,
