@@ -114,8 +114,3 @@ def tell(asker: Asker, answer: Answer) -> list[str] | None:
 def counts(entry: Entry) -> bool:
     """Return whether an answer stands and is used, or would be used if it contradicted no other."""
     return entry.stands and (entry.used or CONTRADICTS in entry.metadata)
-
-
-def last_answer(entries: Sequence[Entry], id: str) -> Answer | None:
-    """Return the last answer to the query of this id, or None if there is none."""
-    return next((entry.answer for entry in reversed(entries) if entry.answer.query.id == id), None)

@@ -35,7 +35,6 @@ from elicit.person.asker import (
     MakeAsker,
     Supposed,
     counts,
-    last_answer,
 )
 from elicit.person.course.conduct import SETTLED, differs, repeats_in
 from elicit.person.course.repeats import Repeats
@@ -309,9 +308,9 @@ class Session(Closing):
             As ``AnswerLog.append`` raises it. The question is then still pending.
         """
         asker = self.current_asker()
-        said = last_answer(self._replayed.known_and_told()[1], id)
+        said = _last_answer(self._replayed.known_and_told()[1], id)
         query = None if said else self._to_answer(id)
-        said = said or (None if query else last_answer(self._log.standing, id))
+        said = said or (None if query else _last_answer(self._log.standing, id))
         if said is not None:
             return _unchanged(said, verdict)
         if query is None:
@@ -596,6 +595,11 @@ class Session(Closing):
         if isinstance(known, PolytopeComparator):
             return PolytopeComparator(k, known.margin, known.prior, known.tie)
         return PolytopeComparator(k, tie=tie_of(known))
+
+
+def _last_answer(entries: Sequence[Entry], id: str) -> Answer | None:
+    """Return the last answer to the query of this id, or None if there is none."""
+    return next((entry.answer for entry in reversed(entries) if entry.answer.query.id == id), None)
 
 
 def _unchanged(said: Answer, verdict: Verdict | int | None) -> Answer:
