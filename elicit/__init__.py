@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from elicit.person.session import Session
     from elicit.person.showing import Words
     from elicit.tutors.answer_log import AnswerLog
-    from elicit.tutors.log_lines import BadLog
+    from elicit.tutors.log_file import BadLog
     from elicit.tutors.merge_logs import merge_logs
     from elicit.tutors.panel import PanelTutor
     from elicit.tutors.person import PersonTutor
@@ -82,7 +82,7 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.model.difference": ["as_differences"],
     "elicit.model.scale_variable": ["scale_variable"],
     "elicit.model.tutor": ["Tutor"],
-    "elicit.tutors.log_lines": ["BadLog"],
+    "elicit.tutors.log_file": ["BadLog"],
     "elicit.tutors.merge_logs": ["merge_logs"],
     "elicit.tutors.panel": ["PanelTutor"],
     "elicit.tutors.person": ["PersonTutor"],

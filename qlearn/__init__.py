@@ -11,8 +11,9 @@ if TYPE_CHECKING:
     from qlearn.environments.rollout_shares import RolloutShares
     from qlearn.environments.rollouts import rollout_shares
     from qlearn.experiments.loss_history import LossHistory
+    from qlearn.learners.driving import drive
     from qlearn.learners.expected_bounds import ExpectedBounds, expected_bounds
-    from qlearn.learners.learner import Learner, Result, drive
+    from qlearn.learners.learner import Learner, Result
     from qlearn.learners.policy_iteration import InteractivePolicyIteration
     from qlearn.learners.q_learning import InteractiveQLearning
     from qlearn.learners.q_learning_asking_late import LateQLearning
@@ -37,7 +38,8 @@ _NAMES = {  # imported when first used, so that the command line starts fast
     "qlearn.environments.level_rewards": ("LevelVector", "OrdinalReward"),
     "qlearn.environments.rollout_shares": ("RolloutShares",),
     "qlearn.environments.rollouts": ("rollout_shares",),
-    "qlearn.learners.learner": ("Learner", "Result", "drive"),
+    "qlearn.learners.driving": ("drive",),
+    "qlearn.learners.learner": ("Learner", "Result"),
     "qlearn.certificates.loss_bound": ("Guarantee", "loss_bound"),
     "qlearn.learners.policy_iteration": ("InteractivePolicyIteration",),
     "qlearn.learners.q_learning": ("InteractiveQLearning",),

@@ -34,7 +34,7 @@ from elicit.model.pairs import same_pairs
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats
 from elicit.model.tutor import Tutor
-from qlearn.learners.q_learning_kernel import ACTION, EXPLORE, FIRST_BEST, RESTART, TRANSITION
+from qlearn.learners.loops.q_learning_kernel import ACTION, EXPLORE, FIRST_BEST, RESTART, TRANSITION
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 

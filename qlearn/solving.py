@@ -13,7 +13,8 @@ from elicit.model.tutor import check_tutor_made
 from elicit.tutors.answer_log import AnswerLog
 from elicit.tutors.panel import as_one_tutor
 from qlearn.experiments.catalogue import COMPARATORS, LEARNERS
-from qlearn.learners.learner import Result, Tutors, check_problem, drive
+from qlearn.learners.driving import Tutors, drive
+from qlearn.learners.learner import Result, check_problem
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.panel.asking_for_the_worst_off import WorstOffIteration
 

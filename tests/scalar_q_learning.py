@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qlearn import OrdinalMDP
-from qlearn.learners.q_learning_kernel import FIRST_BEST
+from qlearn.learners.loops.q_learning_kernel import FIRST_BEST
 from qlearn.reference import Learned, Walk, actions, pick
 from tests.scale_arithmetic import Floats
 

@@ -47,8 +47,8 @@ from qlearn import (
     random_mdp,
     unasked_loss,
 )
+from qlearn.experiments.ablation import TUTORS, of_precision
 from qlearn.experiments.parallel import Cell, sweep
-from qlearn.experiments.run import TUTORS, of_precision
 from qlearn.learners.learner import Learner, Result
 from qlearn.mdp.planning import Actions
 from qlearn.problems.families.catalogue import FAMILIES

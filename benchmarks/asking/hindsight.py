@@ -36,9 +36,8 @@ from elicit.model.difference import tail_sums
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats
 from elicit.tutors.erring_tutor import says_left
-from qlearn.certificates.advantages import Advantages, advantages
-from qlearn.certificates.collected_total import collected
-from qlearn.certificates.loss_bound import guarantee
+from qlearn.certificates.advantages import Advantages, advantages_over
+from qlearn.certificates.loss_bound import collected, guarantee
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import optimal_policy
 
@@ -50,32 +49,34 @@ def hindsight(mdp: OrdinalMDP, values: Floats, tolerance: float) -> dict[str, fl
     """Count a truthful tutor's answers to the polytope: by greed, pruned, and necessary; and the
     bits.
     """
-    over = _best(mdp, values)
+    advantages = _best(mdp, values)
     matters = tolerance * (1 - mdp.discount)
     known, chosen = PolytopeComparator(mdp.k), list[int]()
-    high = simultaneous_bounds(known, over.d)[0]
-    while collected(mdp, over, high).max() > tolerance:
+    high = simultaneous_bounds(known, advantages.d)[0]
+    while collected(mdp, advantages, high).max() > tolerance:
         rows = np.flatnonzero(high > matters)
         found = []
         for row in rows[~np.isin(rows, chosen)]:
-            then = _told(known, over.d[[row]])
-            bounds = np.minimum(high[rows], simultaneous_bounds(then, over.d[rows])[0])
+            then = _told(known, advantages.d[[row]])
+            bounds = np.minimum(high[rows], simultaneous_bounds(then, advantages.d[rows])[0])
             found.append((float(np.maximum(bounds - matters, 0.0).sum()), int(row), then, bounds))
         _, row, known, high[rows] = min(found, key=lambda one: one[:2])
         chosen.append(row)
     pruned = list(chosen)
     for row in chosen:
         rest = [other for other in pruned if other != row]
-        if _proven(mdp, over, over.d[rest], tolerance):
+        if _proven(mdp, advantages, advantages.d[rest], tolerance):
             pruned = rest
     necessary = [
-        row for row in pruned if not _proven(mdp, over, np.delete(over.d, row, axis=0), tolerance)
+        row
+        for row in pruned
+        if not _proven(mdp, advantages, np.delete(advantages.d, row, axis=0), tolerance)
     ]
     return {
         "greedy": len(chosen),
         "pruned": len(pruned),
         "necessary": len(necessary),
-        "bits": bits(over.d),
+        "bits": bits(advantages.d),
     }
 
 
@@ -95,9 +96,9 @@ def bits(d: Floats) -> float:
 
 def hindsight_of_posterior(mdp: OrdinalMDP, values: Floats, tolerance: float, seed: int) -> int:
     """Count truthful answers until the posterior, as it comes, gives the best policy its bound."""
-    over, known = _best(mdp, values), PosteriorComparator(mdp.k, seed=seed)
-    t, asked = tail_sums(over.d), list[int]()
-    while guarantee(mdp, over, known, tolerance).loss_bound > tolerance:
+    advantages, known = _best(mdp, values), PosteriorComparator(mdp.k, seed=seed)
+    t, asked = tail_sums(advantages.d), list[int]()
+    while guarantee(mdp, advantages, known, tolerance).loss_bound > tolerance:
         draws = known.draws
         scores = t @ draws.gaps
         weight = draws.weights * (
@@ -110,22 +111,22 @@ def hindsight_of_posterior(mdp: OrdinalMDP, values: Floats, tolerance: float, se
             weight[:, wrong].sum(axis=1) / weight.sum(axis=1),
         )
         asked.append(int(np.argmin(left)))
-        known = known.update(Answers(over.d[asked[-1:]], [int(Verdict.WORSE)]))
+        known = known.update(Answers(advantages.d[asked[-1:]], [int(Verdict.WORSE)]))
     return len(asked)
 
 
-def largest_gap(gaps: Floats, over: Advantages, high: Floats) -> int:
+def largest_gap(gaps: Floats, advantages: Advantages, high: Floats) -> int:
     """The level of which most is open, of gaps (k,)."""
     return int(np.argmax(gaps))
 
 
-def current_solution(gaps: Floats, over: Advantages, high: Floats) -> int:
+def current_solution(gaps: Floats, advantages: Advantages, high: Floats) -> int:
     """The same, weighed by the shares of the policy, or of the alternative of the greatest bound,
     high (n,).
     """
     row = int(np.argmax(high))
-    v = over.v[over.states[row]]
-    return int(np.argmax(gaps * np.maximum(v, v + over.d[row])))
+    v = advantages.v[advantages.states[row]]
+    return int(np.argmax(gaps * np.maximum(v, v + advantages.d[row])))
 
 
 def bound_queries(mdp: OrdinalMDP, values: Floats, tolerance: float, choose: Level) -> int:
@@ -134,12 +135,12 @@ def bound_queries(mdp: OrdinalMDP, values: Floats, tolerance: float, choose: Lev
     policy = np.argmax(mdp.admissible, axis=1)
     for asked in range(MOST):
         policy = optimal_policy(mdp, best_guess(known), policy)
-        over = advantages(mdp, policy)
-        high = simultaneous_bounds(known, over.d)[0]
-        if collected(mdp, over, high).max() <= tolerance:
+        advantages = advantages_over(mdp, policy)
+        high = simultaneous_bounds(known, advantages.d)[0]
+        if collected(mdp, advantages, high).max() <= tolerance:
             return asked
         low, up = known.bounds(levels - levels[0])
-        level = choose(up - low, over, high)
+        level = choose(up - low, advantages, high)
         half = (low[level] + up[level]) / 2
         d = levels[level] - half * levels[-1] - (1.0 - half) * levels[0]
         known = known.update(Answers(d[None], [1 if e[level] > half else -1]))
@@ -148,7 +149,7 @@ def bound_queries(mdp: OrdinalMDP, values: Floats, tolerance: float, choose: Lev
 
 def _best(mdp: OrdinalMDP, values: Floats) -> Advantages:
     start = np.argmax(mdp.admissible, axis=1)
-    return advantages(mdp, optimal_policy(mdp, mdp.normalise(values), start))
+    return advantages_over(mdp, optimal_policy(mdp, mdp.normalise(values), start))
 
 
 def _told(known: PolytopeComparator, d: Floats) -> PolytopeComparator:
@@ -156,6 +157,8 @@ def _told(known: PolytopeComparator, d: Floats) -> PolytopeComparator:
     return known.update(Answers(d, np.full(len(d), int(Verdict.WORSE))))
 
 
-def _proven(mdp: OrdinalMDP, over: Advantages, d: Floats, tolerance: float) -> bool:
+def _proven(mdp: OrdinalMDP, advantages: Advantages, d: Floats, tolerance: float) -> bool:
     known = _told(PolytopeComparator(mdp.k), d)
-    return bool(collected(mdp, over, simultaneous_bounds(known, over.d)[0]).max() <= tolerance)
+    return bool(
+        collected(mdp, advantages, simultaneous_bounds(known, advantages.d)[0]).max() <= tolerance
+    )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from elicit._support.jit import compiled
 from elicit.model.scale import Floats
 from qlearn import InteractiveQLearning
-from qlearn.learners.q_learning_kernel import (
+from qlearn.learners.loops.q_learning_kernel import (
     IDLE,
     LAST,
     NEXT,

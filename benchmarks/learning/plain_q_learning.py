@@ -26,8 +26,8 @@ from elicit._support.hashing import fold, uniform
 from elicit.model.difference import dominance, tail_sums
 from elicit.model.scale import Floats
 from qlearn import OrdinalMDP
+from qlearn.learners.loops.q_learning_kernel import ACTION, EXPLORE, FIRST_BEST, RESTART, TRANSITION
 from qlearn.learners.q_learning import rescaled_linear_rate
-from qlearn.learners.q_learning_kernel import ACTION, EXPLORE, FIRST_BEST, RESTART, TRANSITION
 
 RESAMPLES, LEVEL, RIDGE = 100, 0.95, 0.1
 # answers up to which everything open is asked: the resamples of one answer all agree, and would ask

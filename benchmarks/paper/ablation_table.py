@@ -93,7 +93,7 @@ def table(
 
 
 def _levels_of(task: str) -> int:
-    from qlearn.experiments.run import instance
+    from qlearn.experiments.ablation import instance
 
     return instance(task, 0, (0, 0, 0, 0.0))[0].k
 

@@ -22,7 +22,7 @@ from benchmarks.reporting import save, with_interval
 from elicit import AlwaysAsk, PolytopeComparator, TruthfulTutor
 from elicit.model.scale import Floats
 from qlearn import InteractiveQLearning, OrdinalMDP, drive, policy_loss, random_mdp
-from qlearn.experiments.run import instance
+from qlearn.experiments.ablation import instance
 from qlearn.learners.exploration import EXPLORATIONS, Decay, Exploration
 
 Problem: TypeAlias = Callable[[int], tuple[OrdinalMDP, Floats]]

@@ -27,7 +27,8 @@ from elicit.model.comparator import Comparator
 from elicit.model.scale import Floats, normalise
 from elicit.model.tutor import Tutor
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
-from qlearn.learners.learner import Result, drive
+from qlearn.learners.driving import drive
+from qlearn.learners.learner import Result
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import policy_loss

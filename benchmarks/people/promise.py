@@ -23,8 +23,8 @@ from benchmarks.stamps import sources
 from elicit import PersonTutor, PosteriorComparator, Tutor
 from elicit.model.scale import Floats
 from qlearn import InteractivePolicyIteration, OrdinalMDP, drive, policy_loss, random_mdp
+from qlearn.experiments.ablation import TUTORS as BY_RATE
 from qlearn.experiments.parallel import Cell, sweep
-from qlearn.experiments.run import TUTORS as BY_RATE
 
 LEVELS = (5, 10, 20)
 STATES, ACTIONS = (15, 60), 3

@@ -392,7 +392,7 @@ class Choosing:
         if stale.any():
             i, j = a[stale], b[stale]
             d = self._vectors[i] - self._vectors[j]
-            verdicts, tiers = self._elicitation.judge(d)
+            verdicts, tiers = self._elicitation.decide(d)
             verdicts[tiers == Tier.GUESS] = (
                 Verdict.UNKNOWN
             )  # all guesses together go by one order, without circles

@@ -28,7 +28,7 @@ from elicit.asking.elicitation_kernel import (
     AskingRule,
     Facts,
     Judgement,
-    settle_rows,
+    decide_rows,
 )
 from elicit.asking.options import MAX_AUDITS, AskingOptions, EarlierAnswers, check_options
 from elicit.comparators.baselines import AlwaysAsk
@@ -211,9 +211,8 @@ class Elicitation:
         self.watch: Watcher | None = None
         self.signs: Callable[[Floats], NDArray[np.int8]] | None = None
         self.pending: tuple[Pending, ...] = ()
-        self.told: tuple[
-            AnsweredQuery, ...
-        ] = ()  # last; a user who empties it after acting sees what is still to be acted on
+        # the last answers; a user who empties it after acting sees what is still to be acted on
+        self.to_act_on: tuple[AnsweredQuery, ...] = ()
         self.puts_off = (
             False  # whether undecided pairs go by the best guess for now, to be asked about later
         )
@@ -235,7 +234,7 @@ class Elicitation:
         self._guess: tuple[Comparator, Floats] | None = None
         self._learn_known(asking.get("known", ()))
 
-    def judge(self, d: Floats, places: Callable[[int], Place] | None = None) -> Decisions:
+    def decide(self, d: Floats, places: Callable[[int], Place] | None = None) -> Decisions:
         """Decide differences d (n, k): UNKNOWN if the tutor must be asked.
 
         Then the tier is TUTOR, or, if answers have decided it and the tutor is only to confirm
@@ -251,11 +250,11 @@ class Elicitation:
         facts = Facts(verdicts.astype(np.int64), tiers.astype(np.int64), unclear, close)
         verdict, tier, needed = np.empty((3, n), np.int8)
         out = Judgement(verdict, tier, np.empty(0, np.bool_), needed)
-        asking, rows = self.rule(), np.arange(n)
-        jit.expect(settle_rows, 1e-5 * n)
+        asking, rows = self.asking_rule(), np.arange(n)
+        jit.expect(decide_rows, 1e-5 * n)
         while len(rows):
             with np.errstate(all="ignore"):  # hashes wrap around
-                settle_rows(rows, t, asking, facts, out)
+                decide_rows(rows, t, asking, facts, out)
             rows = rows[out.needed[rows] != NO_FACT]
             of = [rows[out.needed[rows] == fact] for fact in (PLACE, BOUNDS)]
             unclear[of[0]] = [
@@ -270,8 +269,8 @@ class Elicitation:
             verdict[asked] = self.signs(d[asked]) if len(asked) else 0
         return Decisions(verdict, tier)
 
-    def rule(self) -> AskingRule:
-        """Return what ``judge`` decides by, as arrays, for compiled loops."""
+    def asking_rule(self) -> AskingRule:
+        """Return what ``decide`` decides by, as arrays, for compiled loops."""
         asks = self.signs is None
         return AskingRule(
             indifference=self.indifference if asks else 0.0,
@@ -315,7 +314,8 @@ class Elicitation:
 
         The verdict on "cannot tell" is ``undecided``, or for an audit what the answers imply.
         Dropped are answers that contradict the others. If it raises, nothing has changed. If it is
-        interrupted (Ctrl+C), nothing has changed, or everything: then the verdicts are in ``told``.
+        interrupted (Ctrl+C), nothing has changed, or everything: then the verdicts are in
+        ``to_act_on``.
         """
         if on_conflict not in ("raise", "drop"):
             raise ValueError(f"on_conflict must be 'raise' or 'drop', not {on_conflict!r}")
@@ -389,7 +389,7 @@ class Elicitation:
             cannot_tell=cannot_tell,
             counts=counts,
             pending=tuple(waiting.values()),
-            told=tuple(
+            to_act_on=tuple(
                 AnsweredQuery(asked, verdict)
                 for (_, asked, _), verdict in zip(settled, verdicts, strict=True)
                 if verdict != Verdict.UNKNOWN

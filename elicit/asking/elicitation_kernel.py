@@ -1,8 +1,8 @@
 """The policy of an elicitation, in code that numba can compile.
 
-It says what decides a pair, and in which order. ``settle`` states it once, for whole arrays
-(``Elicitation.judge``) and for the learners' compiled loops. It goes by ``Facts``. If a fact is
-missing, it says which one, and the caller finds it out.
+It says what decides a pair, and in which order. ``decide_by_facts`` states it once, for whole
+arrays (``Elicitation.decide``) and for the learners' compiled loops. It goes by ``Facts``. If a
+fact is missing, it says which one, and the caller finds it out.
 """
 
 from typing import Any, NamedTuple
@@ -74,7 +74,7 @@ class Judgement(NamedTuple):
 
 
 @compiled
-def settle(t: Any, asking: AskingRule, facts: Facts) -> Judgement:
+def decide_by_facts(t: Any, asking: AskingRule, facts: Facts) -> Judgement:
     """Decide a pair with tail sums t (p,) by the policy.
 
     The comparator's verdict on it is among the facts. The result may be that the tutor must be
@@ -106,20 +106,20 @@ def settle(t: Any, asking: AskingRule, facts: Facts) -> Judgement:
 
 
 @compiled
-def settle_rows(rows: Any, t: Any, asking: AskingRule, facts: Facts, out: Judgement) -> None:
-    """Write the results of ``settle`` for these rows of tail sums t (n, p) into ``out``."""
+def decide_rows(rows: Any, t: Any, asking: AskingRule, facts: Facts, out: Judgement) -> None:
+    """Write the results of ``decide_by_facts`` for rows of tail sums t (n, p) into ``out``."""
     for i in rows:
-        found = settle(
+        found = decide_by_facts(
             t[i], asking, Facts(facts.verdict[i], facts.tier[i], facts.unclear[i], facts.close[i])
         )
         out.verdict[i], out.tier[i], out.needed[i] = found.verdict, found.tier, found.needed
 
 
 @compiled
-def judge_pair(
+def decide_pair(
     d: Any, t: Any, sums: Any, certificate: Any, rule: Rule, asking: AskingRule
 ) -> Judgement:
-    """Decide by ``settle`` a difference d (k,) that dominance leaves open.
+    """Decide by ``decide_by_facts`` a difference d (k,) that dominance leaves open.
 
     Facts are looked up as far as compiled code can, with the comparator's rule. t and sums (p,) are
     overwritten. ``certificate`` is as for ``judge``.
@@ -129,12 +129,12 @@ def judge_pair(
     verdict, tier, certified = judge(d, t, 0.0, certificate, rule)
     if verdict != UNKNOWN and verdict != UNSETTLED and asking.plain:
         return Judgement(verdict, tier, certified, NO_FACT)
-    found = settle(sums, asking, Facts(verdict, tier, UNSETTLED, UNSETTLED))
+    found = decide_by_facts(sums, asking, Facts(verdict, tier, UNSETTLED, UNSETTLED))
     if found.needed == BOUNDS:
         for j in range(len(t)):
             t[j] = sums[j]
         close = within(d, t, asking.indifference, rule)
-        found = settle(sums, asking, Facts(verdict, tier, UNSETTLED, close))
+        found = decide_by_facts(sums, asking, Facts(verdict, tier, UNSETTLED, close))
     certified = certified and found.verdict == verdict
     return Judgement(found.verdict, found.tier, certified, found.needed)
 

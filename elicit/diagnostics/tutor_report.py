@@ -318,7 +318,7 @@ def read_log(log: EarlierAnswers, k: int | None) -> _Record:
     if not isinstance(log, Iterable):
         raise TypeError(f"a log is an AnswerLog, its entries, or Answers, not {log!r}")
     entries = entries_of(log)
-    standing = [entry for entry in entries if not entry.retracted]
+    standing = [entry for entry in entries if entry.stands]
     told = [entry.answer for entry in standing if entry.answer.verdict is not None]
     levels = k or (
         log.k

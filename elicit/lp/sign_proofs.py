@@ -86,7 +86,7 @@ def prove(t: Any, certificate: Any, known: Known, verdicts: Any, tiers: Any) -> 
         if row != NOWHERE:
             verdicts[i], tiers[i] = side, BY_SCREEN
             continue
-        verdict, vertex = glance(s, doubt, side, counts[USED], vertices, at, y, rest)
+        verdict, vertex = by_known_vertices(s, doubt, side, counts[USED], vertices, at, y, rest)
         tier = BY_SCREEN if vertex == NOWHERE else BY_SIMPLEX
         if wanted and vertex != NOWHERE:
             certified = below_by_vertex(s, verdict, y, rest, vertex, known, certificate)
@@ -113,7 +113,7 @@ def sign_of(t: Any, known: Known) -> int:
 
 
 @compiled
-def glance(
+def by_known_vertices(
     t: Any, doubt: float, side: int, used: int, vertices: Any, at: Any, y: Any, rest: Any
 ) -> tuple[int, int]:
     """Return the verdict that the known vertices with least and greatest t.g prove, and a vertex.

@@ -42,7 +42,7 @@ class RepeatedAnswersTutor:
     """
 
     def __init__(self, log: Iterable[Entry | Answer], seed: Seed | None = 0) -> None:
-        entries = [entry for entry in entries_of(log) if not entry.retracted]
+        entries = [entry for entry in entries_of(log) if entry.stands]
         answers = [entry.answer for entry in entries if entry.answer.verdict is not None]
         levels = {len(answer.query.left) for answer in answers}
         if len(levels) != 1:

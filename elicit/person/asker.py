@@ -1,18 +1,14 @@
-"""Protocols that a session needs of an asker, how an answer is told, and another query is put."""
+"""Protocols that a session needs of an asker, how an answer is told, and which answers count."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
-import numpy as np
-
 from elicit.asking.elicitation import OnConflict
 from elicit.model.comparator import Comparator
-from elicit.model.difference import tail_sums
-from elicit.model.pairs import same_pairs
 from elicit.model.query import Answer, InconsistentAnswers, Query, Verdict
-from elicit.tutors.answer_log import CONTRADICTS, AnswerLog, Entry
+from elicit.tutors.answer_log import CONTRADICTS, Entry
 
-Instead: TypeAlias = Callable[[Query, Callable[[Query], bool]], Query | None]
+ChooseReplacement: TypeAlias = Callable[[Query, Callable[[Query], bool]], Query | None]
 """Returns the query to put in place of another, or None for the query itself. Its second argument
 tells whether a query's difference was answered before."""
 
@@ -117,35 +113,4 @@ def tell(asker: Asker, answer: Answer) -> list[str] | None:
 
 def counts(entry: Entry) -> bool:
     """Return whether an answer stands and is used, or would be used if it contradicted no other."""
-    return not entry.retracted and (entry.used or CONTRADICTS in entry.metadata)
-
-
-def last_answer(entries: Sequence[Entry], id: str) -> Answer | None:
-    """Return the last answer to the query of this id, or None if there is none."""
-    return next((entry.answer for entry in reversed(entries) if entry.answer.query.id == id), None)
-
-
-def substitute(query: Query, asker: Asker, log: AnswerLog, instead: Instead) -> Query | None:
-    """Return the query that is put in place of a pending one, or None if the query itself is put.
-
-    An audit is always put as it is.
-
-    Parameters
-    ----------
-    query : Query
-    asker : Asker
-    log : AnswerLog
-    instead : callable
-
-    Returns
-    -------
-    Query or None
-    """
-    if isinstance(asker, Audits) and query.id in asker.implied:
-        return None
-    said = [tail_sums(entry.answer.query.d) for entry in log if not entry.retracted]
-
-    def asked_before(other: Query) -> bool:
-        return bool(said) and bool(same_pairs(tail_sums(other.d), np.array(said)).any())
-
-    return instead(query, asked_before)
+    return entry.stands and (entry.used or CONTRADICTS in entry.metadata)

@@ -21,10 +21,9 @@ from elicit._support.closing import Closing
 from elicit.model.query import Answer, Query, Verdict
 from elicit.person.asker import AfterAnswer, Asker, Supposed, tell
 from elicit.person.background import Background, MadeAhead, Turns
-from elicit.person.course.conduct import LEAST_CHECKS
+from elicit.person.course.conduct import LEAST_CHECKS, Pace
 from elicit.person.course.consequences import Consequences
-from elicit.person.course.further import LEVEL
-from elicit.person.course.pace import Pace
+from elicit.person.course.level_questions import LEVEL
 from elicit.person.drawing import MINUTES, Subject
 from elicit.person.next_question import NextQuestion
 from elicit.person.outlook import Outlook, Prospects
@@ -167,7 +166,7 @@ class Beside(NextQuestion):
         self._lock = threading.RLock()
         self._company = company
         self._background = Background(company.turns)
-        self._started = any(not entry.retracted for entry in session.log)
+        self._started = bool(session.log.standing)
         self._put: str | None = None  # id of the query that was logged last as shown
         self._beside: _Computed | None = None
         self._prospects: Prospects | None = None

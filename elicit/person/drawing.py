@@ -18,11 +18,10 @@ from elicit.model.query import Query, Verdict
 from elicit.person.asker import Compares, Supposed
 from elicit.person.course.choices import Choices
 from elicit.person.course.conclusion import Conclusion, SessionFacts, in_unit
-from elicit.person.course.conduct import Conduct, choice_of
+from elicit.person.course.conduct import Conduct, Pace, choice_of
 from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
-from elicit.person.course.further import known_question, level_question
-from elicit.person.course.pace import Pace
+from elicit.person.course.level_questions import known_question, level_question
 from elicit.person.course.start import Before, Start
 from elicit.person.findings import asked_levels, certainty, scale_rows
 from elicit.person.outlook import Prospect
@@ -151,7 +150,7 @@ class Drawing:
         if self._start is None and facts:
             self._start = Before.kept(self._session.log.asked, facts)
         if self._start is None:
-            empty = not any(not entry.retracted for entry in self._session.log)
+            empty = not self._session.log.standing
             asker = self._session.current_asker() if empty else self._session.at_start()
             if asker is None:
                 return None
@@ -274,7 +273,7 @@ class Drawing:
         asker = self._session.current_asker()
         if not isinstance(asker, Compares):
             return None
-        said = [tail_sums(e.answer.query.d) for e in self._session.log if not e.retracted]
+        said = [tail_sums(e.answer.query.d) for e in self._session.log.standing]
 
         def answered(query: Query) -> bool:
             return bool(said) and bool(same_pairs(tail_sums(query.d), np.array(said)).any())

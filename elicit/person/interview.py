@@ -117,18 +117,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from inspect import signature
 from typing import Any
 
 from elicit._support.closing import Closing
+from elicit.model.comparator import Comparator
 from elicit.model.query import Verdict
 from elicit.person.asker import Compares
 from elicit.person.beside import Beside, Company, in_minutes
 from elicit.person.course.choices import CHOICES, Choices
-from elicit.person.course.conduct import IN_CONFLICT, Conduct, differs
-from elicit.person.course.pace import FEW_HASTY, Pace
-from elicit.person.course.progress import Progress
+from elicit.person.course.conduct import FEW_HASTY, IN_CONFLICT, Conduct, Pace, differs
 from elicit.person.course.start import START, Start
 from elicit.person.drawing import Subject as Subject
 from elicit.person.drawing import legend_of
@@ -142,6 +141,42 @@ from elicit.tutors.answer_log import CONTRADICTS, REPEATS, Entry
 
 _MORE_AFTER_CAUTION = 10  # answers until a caution that the person passed over is said again
 _LONGEST_NAME = 80
+
+
+@dataclass(frozen=True, eq=False)
+class Progress:
+    """The point at which an interview stood after its last message.
+
+    Attributes
+    ----------
+    entries : tuple of Entry
+        The answers so far, also those that were taken back.
+    comparator : Comparator or None
+        What is known of the person's scale. None if the asker does not say.
+    stage : str or None
+        The stage of the last screen. None as long as the person did not come.
+    settled : bool
+        True if that screen was a result that is settled.
+    minutes : int or None
+        The time that the person planned.
+    """
+
+    entries: tuple[Entry, ...]
+    comparator: Comparator | None
+    stage: str | None = None
+    settled: bool = False
+    minutes: int | None = None
+
+    @property
+    def answered(self) -> int:
+        """Number of answers that stand, without the repeated questions."""
+        return sum(entry.stands and not entry.repeat for entry in self.entries)
+
+    @property
+    def last(self) -> str | None:
+        """The time of the last answer, as the log has it."""
+        times = [entry.metadata.get("time") for entry in self.entries]
+        return times[-1] if times else None
 
 
 class Interview(Beside, Closing):
@@ -281,7 +316,7 @@ class Interview(Beside, Closing):
 
     def _screen(self, note: str | None = None) -> dict[str, Any]:
         session, words = self._session, self._subject.words
-        standing = [entry for entry in session.log if not entry.retracted]
+        standing = session.log.standing
         screen = self._screen_of(standing, note)
         if not standing and not self._practised and not self._chosen.stopped:
             if not self._started and session.question() is not None:
@@ -383,8 +418,7 @@ class Interview(Beside, Closing):
 
     def _begin(self, who: str = "", budget: str = "", minutes: str = "") -> dict[str, Any]:
         self._started, self._chosen.stopped = True, False
-        begun = any(not entry.retracted for entry in self._session.log)
-        if who.strip() and self._session.log.who is None and not begun:
+        if who.strip() and self._session.log.who is None and not self._session.log.standing:
             self._session.stamp(printable(who.strip())[:_LONGEST_NAME])
         self._chosen.budget, self._chosen.minutes = _number(budget), _number(minutes)
         return self._screen()
@@ -408,11 +442,7 @@ class Interview(Beside, Closing):
         query = self._session.question()
         if query is None or query.id != id:
             said = next(
-                (
-                    e
-                    for e in reversed(self._session.log)
-                    if e.answer.query.id == id and not e.retracted
-                ),
+                (e for e in reversed(self._session.log.standing) if e.answer.query.id == id),
                 None,
             )
             if said is None:
@@ -489,7 +519,7 @@ class Interview(Beside, Closing):
         return self._screen()
 
     def _result(self) -> dict[str, Any]:
-        screen = self._screen_of([e for e in self._session.log if not e.retracted], None)
+        screen = self._screen_of(self._session.log.standing, None)
         return {**screen, "stage": "end", "end": self._end(False)}
 
     def _go_on(self) -> dict[str, Any]:
@@ -505,7 +535,7 @@ class Interview(Beside, Closing):
 
     def _conflict_now(self) -> dict[str, Any] | None:
         """Return the conflict that the last answer is part of, unless the person left it."""
-        standing = [entry for entry in self._session.log if not entry.retracted]
+        standing = self._session.log.standing
         if not standing or not self._subject.least:
             return None
         last = standing[-1]
@@ -528,7 +558,7 @@ class Interview(Beside, Closing):
             return self._screen("That was settled already, perhaps in another window.")
         if choice not in {one["choice"] for one in conflict["choices"]}:
             raise ValueError(f"choice must be one of the conflict's, not {choice[:80]!r}")
-        standing = {e.answer.query.id: e for e in self._session.log if not e.retracted}
+        standing = {e.answer.query.id: e for e in self._session.log.standing}
         last = standing[id]
         self._forget()
         if choice == "later":
@@ -560,7 +590,7 @@ class Interview(Beside, Closing):
         return self._screen("Thank you. The other answers stay.")
 
     def _undo(self, id: str) -> dict[str, Any]:
-        standing = [entry for entry in self._session.log if not entry.retracted]
+        standing = self._session.log.standing
         if not standing or standing[-1].answer.query.id != id:
             return self._screen(
                 "Nothing was taken back, because that is no longer the last answer."
@@ -571,9 +601,7 @@ class Interview(Beside, Closing):
         return self._screen("Taken back.")
 
     def _withdraw(self, id: str) -> dict[str, Any]:
-        if not any(
-            entry.answer.query.id == id and not entry.retracted for entry in self._session.log
-        ):
+        if not any(entry.answer.query.id == id for entry in self._session.log.standing):
             return self._screen("Nothing was taken back, because that answer no longer stands.")
         self._forget()
         self._session.withdraw(id)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from elicit.model.query import Query
 from elicit.person.asker import Compares
 from elicit.person.course.conduct import LEAST_CHECKS, ORDER, Conduct
-from elicit.person.course.further import level_question, order_question
+from elicit.person.course.level_questions import level_question, order_question
 from elicit.person.drawing import Drawing, Subject, shown_of
 from elicit.person.session import Session
 from elicit.person.showing import near_in_whole_numbers
@@ -30,12 +30,12 @@ class NextQuestion(Drawing):
 
     def __init__(self, session: Session, subject: Subject) -> None:
         super().__init__(session, subject)
-        session.instead = self._instead
+        session.choose_replacement = self._replacement
         if subject.least:
-            session.further = self._further
+            session.choose_extra = self._extra
             session.check_regularly()
 
-    def _instead(self, query: Query, answered: Callable[[Query], bool]) -> Query | None:
+    def _replacement(self, query: Query, answered: Callable[[Query], bool]) -> Query | None:
         """Return the query in place of the asker's: a check, another kind, or whole numbers."""
         asker = self._session.current_asker()
         if self._subject.least and isinstance(asker, Compares):
@@ -59,7 +59,7 @@ class NextQuestion(Drawing):
             return None
         return order_question(k, 1 + (k // 2 + n) % (k - 1))
 
-    def _further(self) -> Query | None:
+    def _extra(self) -> Query | None:
         """Return the question to put when the asker has none, or None at the end."""
         conduct, start = Conduct.of([*self._session.log]), self._at_start()
         needed = start is not None and not start.finished

@@ -37,8 +37,8 @@ Made = tuple[Asker, list[Entry], dict[int, list[str]]]
 _Key = tuple[tuple[Any, ...], ...]
 
 
-class _Standing(NamedTuple):
-    """An asker, and how many entries of the log it knows.
+class _Position(NamedTuple):
+    """An asker, and its position in the log: how many entries it knows.
 
     An interruption may come at any line, so these are replaced together.
     """
@@ -79,7 +79,7 @@ class ReplayedAsker:
         self._make = asker if self._given is None and callable(asker) else None
         self._log = log
         self._stamp = stamp
-        self._stands: _Standing | None = None  # None: the asker is to be made from the log
+        self._position: _Position | None = None  # None: the asker is to be made from the log
         self._restarts = MadeAhead[_Key, Made]()
 
     @staticmethod
@@ -104,19 +104,19 @@ class ReplayedAsker:
         It is another one after an answer was taken back, and after an answer that was looked ahead
         to.
         """
-        if self._stands is None:
+        if self._position is None:
             self._know(self._resumed())
         self._mark_contradiction()
-        while (now := self._standing_now).known < len(
+        while (now := self._position_now).known < len(
             self._log
         ):  # logged, but telling it failed or was interrupted
             self._tell_next(now)
             self._mark_contradiction()
-        return self._standing_now.asker
+        return self._position_now.asker
 
     def go_on_with(self, after: AfterAnswer) -> None:
         """Take an asker that knows all that is in the log already."""
-        self._stands = _Standing(after.asker, len(self._log), unmarked=after.contradicts)
+        self._position = _Position(after.asker, len(self._log), unmarked=after.contradicts)
 
     def withdraw(self, id: str, metadata: dict[str, Any]) -> None:
         """Take back the answer to the query of this id, and go on without it.
@@ -130,17 +130,17 @@ class ReplayedAsker:
                 "known -> asker, "
                 "such as lambda known: choose(vectors, comparator, known=known)"
             )
-        known = {entry.answer.query.id for entry in self.standing()[0]}
+        known = {entry.answer.query.id for entry in self.known_and_told()[0]}
         repeat = any(entry.repeat for entry in self._log if entry.answer.query.id == id)
-        before = self._stands
+        before = self._position
         if not repeat:  # the asker knows nothing of repeats
-            self._stands = (
+            self._position = (
                 None  # now, for an interruption may come when the answer is taken back already
             )
         try:
             self._log.retract(id, **metadata)
         except Exception:
-            self._stands = before
+            self._position = before
             raise
         if not repeat:
             # if the last answer is withdrawn, the earlier ones are told again, and its question
@@ -158,14 +158,14 @@ class ReplayedAsker:
         """
         if self._make is None:
             raise ValueError("to settle two answers the session must make a new asker")
-        self._stands = None
+        self._position = None
         self._log.retract(id, **metadata)
         stamp = self._stamp()
         stamp.pop(WHO, None)  # the answer says whose it is
         self._log.append(answer, **stamp)
         self._know(self._restarted())
 
-    def standing(self) -> tuple[list[Entry], list[Entry]]:
+    def known_and_told(self) -> tuple[list[Entry], list[Entry]]:
         """Return the entries that are not withdrawn, without repeats.
 
         First those that the asker knew when it was made, then those that it was told since.
@@ -173,21 +173,24 @@ class ReplayedAsker:
         entries = list(self._log)
         n = self._log.restarted
         before, since = (
-            [e for e in some if not e.retracted and not e.repeat]
-            for some in (entries[:n], entries[n:])
+            [e for e in some if e.stands and not e.repeat] for some in (entries[:n], entries[n:])
         )
         return before, since
 
+    def _without_repeats(self) -> list[Entry]:
+        """Return the entries that stand, without repeats, which the asker is not told."""
+        return [entry for entry in self._log.standing if not entry.repeat]
+
     @property
-    def _standing_now(self) -> _Standing:
-        assert self._stands is not None
-        return self._stands
+    def _position_now(self) -> _Position:
+        assert self._position is not None
+        return self._position
 
     def _know(self, asker: Asker) -> None:
         """Go on with an asker that knows all that is in the log."""
-        self._stands = _Standing(asker, len(self._log))
+        self._position = _Position(asker, len(self._log))
 
-    def _tell_next(self, now: _Standing) -> None:
+    def _tell_next(self, now: _Position) -> None:
         """Tell the asker the next entry of the log that it does not know.
 
         After an interruption this is called again. A query that the asker no longer waits for was
@@ -195,15 +198,15 @@ class ReplayedAsker:
         """
         entry, asker = self._log[now.known], now.asker
         if entry.repeat or entry.retracted:
-            self._stands = _Standing(asker, now.known + 1)
+            self._position = _Position(asker, now.known + 1)
             return
         if any(query.id == entry.answer.query.id for query in asker.ask()):
-            self._stands = now = now._replace(telling=True)
+            self._position = now = now._replace(telling=True)
             if now.contradicts is None:
                 try:
                     asker.tell([entry.answer])
                 except InconsistentAnswers as error:
-                    self._stands = now = now._replace(
+                    self._position = now = now._replace(
                         contradicts=[name for _, name in error.answers]
                     )
             if now.contradicts is not None:
@@ -213,26 +216,26 @@ class ReplayedAsker:
         ):  # it was in place of a query, or comes from elsewhere
             if self._make is None:
                 raise ValueError(_NOT_ITS_QUESTIONS)
-            self._stands = None
+            self._position = None
             self._know(self._restarted())
             return
-        self._stands = _Standing(asker, now.known + 1, unmarked=now.contradicts)
+        self._position = _Position(asker, now.known + 1, unmarked=now.contradicts)
 
     def _mark_contradiction(self) -> None:
         """Mark the last entry that the asker knows as unused, if it had to be dropped."""
-        now = self._standing_now
+        now = self._position_now
         if now.unmarked is not None:
             last = self._log[now.known - 1]
             if last.used:
                 self._mark_unused(last.answer.query.id, now.unmarked)
-            self._stands = now._replace(unmarked=None)
+            self._position = now._replace(unmarked=None)
 
     def _mark_unused(self, id: str, contradicts: Sequence[str]) -> None:
         self._log.mark_unused(id, **{CONTRADICTS: [name for name in contradicts if name != id]})
 
     def _resumed(self) -> Asker:
         """Return an asker that stands where the log does."""
-        before, since = self.standing()
+        before, since = self.known_and_told()
         if self._make is None:
             assert self._given is not None
             if not before and self._told_again(self._given, since):
@@ -266,7 +269,7 @@ class ReplayedAsker:
 
         That is marked in the log.
         """
-        before = [entry for entry in self._log if not entry.retracted and not entry.repeat]
+        before = self._without_repeats()
         ready = self._restarts.take(_key_of(before))
         asker, known, contradicts = ready or self._knowing(before)
         for i, (was, entry) in enumerate(zip(before, known, strict=True)):
@@ -283,7 +286,7 @@ class ReplayedAsker:
         It is used once that answer comes, if the asker must then be made anew. Another thread may
         go through the steps.
         """
-        before = [entry for entry in self._log if not entry.retracted and not entry.repeat]
+        before = self._without_repeats()
         after = [[*before, Entry(answer)] for answer in answers]
 
         def make(known: list[Entry]) -> Made:
@@ -301,7 +304,7 @@ class ReplayedAsker:
         The log as it is now counts, without the answers of some ids, and with others that are
         meant. Nothing changes. Another thread may call the function.
         """
-        standing = [entry for entry in self._log if not entry.retracted and not entry.repeat]
+        standing = self._without_repeats()
         n = sum(entry.answer.verdict is not None for entry in standing)
         before = [entry for entry in standing if entry.answer.query.id not in without]
         before += [Entry(answer) for answer in meant]

@@ -15,24 +15,26 @@ from datetime import UTC, datetime
 from os import PathLike
 from typing import Any
 
+import numpy as np
+
 from elicit._support.closing import Closing
 from elicit._support.hashing import Seed
 from elicit._support.seeds import seed_of
 from elicit._support.validation import is_number, require
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator_parts import tie_of
+from elicit.model.difference import tail_sums
+from elicit.model.pairs import same_pairs
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 from elicit.person.asker import (
     AfterAnswer,
     Asker,
     Audits,
+    ChooseReplacement,
     Compares,
-    Instead,
     MakeAsker,
     Supposed,
     counts,
-    last_answer,
-    substitute,
 )
 from elicit.person.course.conduct import SETTLED, differs, repeats_in
 from elicit.person.course.repeats import Repeats
@@ -126,12 +128,12 @@ class Session(Closing):
         self._put_at: dict[
             str, float
         ] = {}  # when a pending question was put, by a clock that only goes forwards
-        self.instead: Instead | None = None
+        self.choose_replacement: ChooseReplacement | None = None
         """Chooses the query that replaces the asker's, for a session that makes its askers.
 
         After the answer a new asker is made, which knows it.
         """
-        self.further: Callable[[], Query | None] | None = None
+        self.choose_extra: Callable[[], Query | None] | None = None
         """Chooses a question once the asker has none, for a session that makes its askers."""
         # a comparator that takes all for true, what it was offered, and the answers that it took
         self._consistent: tuple[PolytopeComparator, list[Any], list[Entry]] | None = None
@@ -191,8 +193,8 @@ class Session(Closing):
         query = self.next_told()
         if query is not None:
             query = self._repeats.due() or self._in_place_of(query) or query
-        elif self.further is not None and self.makes_askers:
-            query = self.further()
+        elif self.choose_extra is not None and self.makes_askers:
+            query = self.choose_extra()
         if query is not None:
             self._put_at.setdefault(query.id, time.monotonic())
         return query
@@ -306,13 +308,9 @@ class Session(Closing):
             As ``AnswerLog.append`` raises it. The question is then still pending.
         """
         asker = self.current_asker()
-        said = last_answer(self._replayed.standing()[1], id)
+        said = _last_answer(self._replayed.known_and_told()[1], id)
         query = None if said else self._to_answer(id)
-        said = said or (
-            None
-            if query
-            else last_answer([entry for entry in self._log if not entry.retracted], id)
-        )
+        said = said or (None if query else _last_answer(self._log.standing, id))
         if said is not None:
             return _unchanged(said, verdict)
         if query is None:
@@ -362,7 +360,7 @@ class Session(Closing):
         ValueError
             If there is no answer, and otherwise as ``withdraw`` does.
         """
-        standing = [entry for entry in self._log if not entry.retracted]
+        standing = self._log.standing
         if not standing:
             raise ValueError("there is no answer to undo")
         last = standing[-1].answer
@@ -405,7 +403,7 @@ class Session(Closing):
             If no such repeat stands, or its first answer does not, or if the first answer changes
             and the session was given an asker in place of a function that makes one.
         """
-        standing = {e.answer.query.id: e for e in self._log if not e.retracted}
+        standing = {e.answer.query.id: e for e in self._log.standing}
         again = standing.get(id)
         first = None if again is None else standing.get(str(again.metadata.get(REPEATS)))
         if again is None or not again.repeat or first is None:
@@ -494,7 +492,7 @@ class Session(Closing):
         more answer takes far less time than all ``conflicts``.
         """
         rest = [entry for entry in self._log if counts(entry) and entry.answer.verdict is not None]
-        standing = [entry for entry in self._log if not entry.retracted]
+        standing = self._log.standing
         if not rest or rest[-1] is not standing[-1]:
             return ()
         rest = [entry for entry in rest if entry.answer.who == rest[-1].answer.who]
@@ -526,7 +524,7 @@ class Session(Closing):
         Computing it may take a second, for it looks for the next question.
         """
         entries = [entry for entry in self._log if not entry.repeat]
-        standing = [entry for entry in entries if not entry.retracted]
+        standing = [entry for entry in entries if entry.stands]
         again = repeats_in(self._log)
         verdicts = [entry.answer.verdict for entry in standing]
         return SessionStatus(
@@ -562,8 +560,8 @@ class Session(Closing):
         waits = self.next_told()
         if waits is not None:
             others = (self._repeats.due(), self._in_place_of(waits))
-        elif self.further is not None and self.makes_askers:
-            others = (self.further(), None)
+        elif self.choose_extra is not None and self.makes_askers:
+            others = (self.choose_extra(), None)
         else:
             return None
         for query in others:
@@ -572,10 +570,21 @@ class Session(Closing):
         return self._pending().get(id)
 
     def _in_place_of(self, query: Query) -> Query | None:
-        """Return what is put in place of a pending query, if anything is."""
-        if self.instead is None or not self.makes_askers:
+        """Return what is put in place of a pending query, if anything is.
+
+        An audit is always put as it is.
+        """
+        if self.choose_replacement is None or not self.makes_askers:
             return None
-        return substitute(query, self.current_asker(), self._log, self.instead)
+        asker = self.current_asker()
+        if isinstance(asker, Audits) and query.id in asker.implied:
+            return None
+        said = [tail_sums(entry.answer.query.d) for entry in self._log.standing]
+
+        def asked_before(other: Query) -> bool:
+            return bool(said) and bool(same_pairs(tail_sums(other.d), np.array(said)).any())
+
+        return self.choose_replacement(query, asked_before)
 
     def _reliable(self, k: int) -> PolytopeComparator:
         """Return a comparator that knows no answer and takes each for true."""
@@ -586,6 +595,11 @@ class Session(Closing):
         if isinstance(known, PolytopeComparator):
             return PolytopeComparator(k, known.margin, known.prior, known.tie)
         return PolytopeComparator(k, tie=tie_of(known))
+
+
+def _last_answer(entries: Sequence[Entry], id: str) -> Answer | None:
+    """Return the last answer to the query of this id, or None if there is none."""
+    return next((entry.answer for entry in reversed(entries) if entry.answer.query.id == id), None)
 
 
 def _unchanged(said: Answer, verdict: Verdict | int | None) -> Answer:

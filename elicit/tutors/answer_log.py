@@ -1,9 +1,9 @@
 """The answer log: append-only, and the single source of truth. Comparators are rebuilt from it.
 
 A log on disk is JSON lines: a header, then one line an event, each with a checksum that chains it
-to the line before (``log_lines``). Every append is on the disk before it returns, so a crash loses
-at most the line that was being written. One writer at a time has the file (``log_file``). The log
-reads no clock: a caller who wants times gives them as metadata.
+to the line before (``log_file``). Every append is on the disk before it returns, so a crash loses
+at most the line that was being written. One writer at a time has the file. The log reads no clock:
+a caller who wants times gives them as metadata.
 
 The events: a question was "asked", "answered" (the verdict 0 is "equal", null "cannot tell"), its
 answer was "withdrawn", or found "unused" for what it contradicts, and "used" once that was
@@ -22,17 +22,18 @@ from typing import Any, NamedTuple, Self, SupportsIndex, TypeVar, overload
 
 from elicit._support.closing import Closing
 from elicit.model.query import Answer, Answers, Query, Verdict, as_who
-from elicit.tutors.log_file import LogFile, read_bytes
-from elicit.tutors.log_lines import (
+from elicit.tutors.log_file import (
     CHECK,
     EVENT,
     FORMAT,
     VERSION,
     BadLog,
     Lines,
+    LogFile,
     damage,
     json_of,
     parse,
+    read_bytes,
     with_check,
 )
 
@@ -74,6 +75,11 @@ class Entry:
     used: bool = True
     metadata: Mapping[str, Any] = field(default_factory=dict)
     retraction: Mapping[str, Any] | None = None
+
+    @property
+    def stands(self) -> bool:
+        """True unless the answer was taken back."""
+        return self.retraction is None
 
     @property
     def retracted(self) -> bool:
@@ -300,6 +306,11 @@ class AnswerLog(Closing):
         """
         self._put("restarted", {}, metadata)
 
+    @property
+    def standing(self) -> tuple[Entry, ...]:
+        """The entries that were not taken back, also repeats and those that are not used."""
+        return tuple(entry for entry in self if entry.stands)
+
     def answers(self) -> Answers:
         """Return the answers that a comparator learns from, in order.
 
@@ -511,7 +522,7 @@ def _withdrawn(entries: list[Entry], id: Any, told: Mapping[str, Any]) -> dict[i
     Raises ValueError where it takes back nothing.
     """
     mine = {i: entry for i, entry in enumerate(entries) if entry.answer.query.id == id}
-    people = sorted({e.answer.who for e in mine.values() if not e.retracted and e.answer.who})
+    people = sorted({e.answer.who for e in mine.values() if e.stands and e.answer.who})
     if len(people) > 1:
         raise ValueError(
             f"answers of {' and '.join(people)} to query {id} stand in this log: take back one in "
@@ -525,9 +536,7 @@ def _withdrawn(entries: list[Entry], id: Any, told: Mapping[str, Any]) -> dict[i
         )
         raise ValueError(f"the answer with the id {id!r} {why}")
     return {
-        i: replace(entry, used=False, retraction=told)
-        for i, entry in mine.items()
-        if not entry.retracted
+        i: replace(entry, used=False, retraction=told) for i, entry in mine.items() if entry.stands
     }
 
 
@@ -538,7 +547,7 @@ def _marked(entries: list[Entry], id: Any, used: bool, told: Mapping[str, Any]) 
     """
     for i in reversed(range(len(entries))):
         entry = entries[i]
-        if entry.answer.query.id == id and entry.used != used and not entry.retracted:
+        if entry.answer.query.id == id and entry.used != used and entry.stands:
             return {i: replace(entry, used=used, metadata={**entry.metadata, **told})}
     was = "unused" if used else "used"
     raise ValueError(
@@ -553,7 +562,7 @@ def check_person(log: AnswerLog, who: str | None) -> None:
     """
     if who is None:
         return
-    named = {log.who} | {entry.answer.who for entry in log if not entry.retracted}
+    named = {log.who} | {entry.answer.who for entry in log.standing}
     if others := sorted(name for name in named if name not in (None, who)):
         held = ", ".join(map(repr, others))
         raise BadLog(

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from elicit.tutors.answer_log import WHO, AnswerLog, Entry
-from elicit.tutors.log_lines import BadLog
+from elicit.tutors.log_file import BadLog
 
 
 def merge_logs(logs: Sequence[AnswerLog], out: str | os.PathLike[str]) -> None:
@@ -54,9 +54,7 @@ def merge_logs(logs: Sequence[AnswerLog], out: str | os.PathLike[str]) -> None:
     people = {log.who for log in logs}
     one = people.pop() if len(people) == 1 else None
     with AnswerLog(out, logs[0].k, free, one) as merged:
-        for entry in sorted(
-            entries, key=lambda entry: not entry.retracted
-        ):  # the order stays otherwise
+        for entry in sorted(entries, key=lambda entry: entry.stands):  # the order stays otherwise
             merged.append(entry.answer, entry.used or entry.retracted, **entry.metadata)
             if entry.retraction is not None:
                 merged.retract(entry.answer.query.id, **entry.retraction)

@@ -27,7 +27,7 @@ class ReplayTutor:
     """
 
     def __init__(self, log: Iterable[Entry | Answer]) -> None:
-        self._answers = [entry.answer for entry in entries_of(log) if not entry.retracted]
+        self._answers = [entry.answer for entry in entries_of(log) if entry.stands]
         self._by_id: dict[str, list[int]] = {}
         levels = np.array([len(answer.query.left) for answer in self._answers])
         self._rows = {k: np.flatnonzero(levels == k) for k in set(levels.tolist())}

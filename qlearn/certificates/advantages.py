@@ -37,7 +37,7 @@ class Advantages(NamedTuple):
         return self._replace(states=self.states[rows], actions=self.actions[rows], d=self.d[rows])
 
 
-def advantages(
+def advantages_over(
     mdp: OrdinalMDP,
     policy: ArrayLike,
     v: Floats | None = None,
@@ -70,9 +70,9 @@ def advantages(
     for start in range(0, len(states), STATES_AT_ONCE):
         some = states[start : start + STATES_AT_ONCE]
         rows = slice(ends[start], ends[start + len(some)])
-        over = q_of(some, v, model)
-        over -= v[some][:, None]
-        d[rows] = over[place[rows] - start, actions[rows]]
-        own = tail_sums(over[np.arange(len(some)), taken[some]])
+        advantages = q_of(some, v, model)
+        advantages -= v[some][:, None]
+        d[rows] = advantages[place[rows] - start, actions[rows]]
+        own = tail_sums(advantages[np.arange(len(some)), taken[some]])
         above, below = max(above, float(own.max())), max(below, -float(own.min()))
     return Advantages(taken, v, states[place], actions, d, above + below + ROUNDING)

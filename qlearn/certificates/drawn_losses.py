@@ -22,7 +22,7 @@ MOST_SWEEPS = 2000
 
 
 def loss_over_draws(
-    mdp: OrdinalMDP, over: Advantages, draws: Draws, level: float, enough: float | None = None
+    mdp: OrdinalMDP, advantages: Advantages, draws: Draws, level: float, enough: float | None = None
 ) -> float:
     """Return the ``level`` quantile, over the draws, of an upper bound on the policy's loss.
 
@@ -31,9 +31,11 @@ def loss_over_draws(
     Most of them need no closer look. If ``enough`` is given, the computation stops once the
     quantile certainly exceeds it, and returns inf.
     """
-    doubt, t = over.doubt / (1 - mdp.discount), tail_sums(over.d)
-    first = np.minimum((most_of(over.d, draws.gaps, axis=0) + ROUNDING) / (1 - mdp.discount), 1.0)
-    game, order, upper = _Game.of(mdp, over), np.argsort(-first, kind="stable"), first.copy()
+    doubt, t = advantages.doubt / (1 - mdp.discount), tail_sums(advantages.d)
+    first = np.minimum(
+        (most_of(advantages.d, draws.gaps, axis=0) + ROUNDING) / (1 - mdp.discount), 1.0
+    )
+    game, order, upper = _Game.of(mdp, advantages), np.argsort(-first, kind="stable"), first.copy()
     lower = np.zeros_like(first)
     spare, target = 1.0 - level + LEVEL_ROUNDING, -1.0 if enough is None else enough - doubt
     beyond = 0.0  # weight of the draws that are certain to lose more than the target
@@ -98,12 +100,12 @@ class _Game(NamedTuple):
     discount: float
 
     @staticmethod
-    def of(mdp: OrdinalMDP, over: Advantages) -> _Game:
+    def of(mdp: OrdinalMDP, advantages: Advantages) -> _Game:
         live, m = np.flatnonzero(~mdp.terminal), mdp.n_actions
-        states, starts = np.unique(over.states, return_index=True)
+        states, starts = np.unique(advantages.states, return_index=True)
         return _Game(
-            chain=mdp.transitions[over.states * m + over.actions],
-            own=mdp.transitions[live * m + over.policy[live]],
+            chain=mdp.transitions[advantages.states * m + advantages.actions],
+            own=mdp.transitions[live * m + advantages.policy[live]],
             live=live,
             starts=starts,
             owners=np.searchsorted(live, states),

@@ -31,19 +31,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from elicit._support.threads import one_thread
+from elicit.lp.hit_and_run import Draws, draws_within
+from elicit.lp.region import Region
 from elicit.model.comparator import Comparator
 from elicit.model.comparator_parts import (
     cells_of,
+    draws_in,
     simultaneous_bounds,
     stated_confidence,
+    trusted_share,
     unordered_of,
 )
 from elicit.model.needs import Needs
-from qlearn.certificates.advantages import Advantages, advantages
-from qlearn.certificates.collected_total import collected
+from elicit.model.scale import Floats
+from qlearn.certificates.advantages import ROUNDING, Advantages, advantages_over
 from qlearn.certificates.drawn_losses import loss_over_draws
-from qlearn.certificates.drawn_scales import drawn_set
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn.mdp.planning import policy_iteration
+from qlearn.mdp.warm_planning import nearly_optimal
 
 BOUNDING = Needs(used=("simultaneous_bounds", "cells", "draws", "level", "confidence"))
 """Optional parts of a comparator that a loss is bounded by."""
@@ -84,7 +89,7 @@ def loss_bound(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator) -> Gu
     ValueError
         As ``evaluate_policy`` does.
     """
-    return guarantee(mdp, advantages(mdp, policy), comparator)
+    return guarantee(mdp, advantages_over(mdp, policy), comparator)
 
 
 def loses_at_most(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator, most: float) -> bool:
@@ -92,12 +97,12 @@ def loses_at_most(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator, mo
 
     The result may be False if the bound cannot show it.
     """
-    return guarantee(mdp, advantages(mdp, policy), comparator, most).loss_bound <= most
+    return guarantee(mdp, advantages_over(mdp, policy), comparator, most).loss_bound <= most
 
 
 @one_thread
 def guarantee(
-    mdp: OrdinalMDP, over: Advantages, comparator: Comparator, enough: float | None = None
+    mdp: OrdinalMDP, advantages: Advantages, comparator: Comparator, enough: float | None = None
 ) -> Guarantee:
     """Return the loss bound of the policy that has these advantages.
 
@@ -105,16 +110,16 @@ def guarantee(
     """
     if unordered_of(comparator) is not None:
         # in the other order one tail sum is made of three of these: t_i - t_(i+1) + t_(i+2)
-        over = over._replace(doubt=3.0 * over.doubt)
+        advantages = advantages._replace(doubt=3.0 * advantages.doubt)
     drawn = drawn_set(comparator)
     if drawn is not None:
         draws, level = drawn
         confidence = stated_confidence(comparator, level)
-        return Guarantee(loss_over_draws(mdp, over, draws, level, enough), confidence)
+        return Guarantee(loss_over_draws(mdp, advantages, draws, level, enough), confidence)
     cells, most, confidence = cells_of(comparator), 0.0, 1.0
     for cell in cells:
-        high, confidence = simultaneous_bounds(cell.scales, over.d)
-        most = max(most, float(collected(mdp, over, high).max(initial=0.0)))
+        high, confidence = simultaneous_bounds(cell.scales, advantages.d)
+        most = max(most, float(collected(mdp, advantages, high).max(initial=0.0)))
         if (
             enough is not None and most > enough and len(cells) > 1
         ):  # the other cells need not be looked at
@@ -123,12 +128,91 @@ def guarantee(
 
 
 def completed(
-    found: Guarantee, mdp: OrdinalMDP, over: Advantages, comparator: Comparator
+    found: Guarantee, mdp: OrdinalMDP, advantages: Advantages, comparator: Comparator
 ) -> Guarantee:
     """Return a guarantee, with its bound computed if a search left it at inf.
 
-    ``over`` may have the advantages of some states only: then all are computed.
+    ``advantages`` may have the advantages of some states only: then all are computed.
     """
     if np.isfinite(found.loss_bound):
         return found
-    return guarantee(mdp, advantages(mdp, over.policy, over.v), comparator)
+    return guarantee(mdp, advantages_over(mdp, advantages.policy, advantages.v), comparator)
+
+
+def collected(
+    mdp: OrdinalMDP,
+    advantages: Advantages,
+    high: Floats,
+    start: Floats | None = None,
+    within: float = 0.0,
+) -> Floats:
+    """Return upper bounds on the discounted total of advantages that a policy collects.
+
+    There is one for each state that it starts from.
+
+    Parameters
+    ----------
+    mdp : OrdinalMDP
+    advantages : Advantages
+    high : (n,)
+        Upper bounds on the advantages.
+    start : (S,), optional
+        Totals found earlier. If given, they are improved step by step until they are tight to about
+        ``within``, which is faster for large models. Default: solve exactly.
+    within : float
+        A share of the value range.
+
+    Returns
+    -------
+    (S,) shares of the value range, at most 1
+    """
+    gain = np.full(mdp.levels.shape, -np.inf)
+    live = np.flatnonzero(~mdp.terminal)
+    gain[live, advantages.policy[live]] = 0.0
+    gain[advantages.states, advantages.actions] = high
+    gain[live] += ROUNDING
+    total = np.zeros(mdp.n_states)
+    if gain.max() > ROUNDING:
+        total = greatest_total(mdp, gain, start, within)
+    total[live] += advantages.doubt / (1 - mdp.discount)
+    return np.clip(total, 0.0, 1.0)
+
+
+def greatest_total(
+    mdp: OrdinalMDP, gain: Floats, start: Floats | None = None, within: float = 0.0
+) -> Floats:
+    """Return the greatest expected discounted total (S,) of gain (S, A), rounded up.
+
+    Policy iteration proposes it, and a sweep certifies it. A gain of -inf marks an action that does
+    not exist. Terminal states gain nothing.
+    """
+    live, ends = ~mdp.terminal, np.zeros(mdp.n_states)
+    gain = np.where(live[:, None], gain, 0.0)
+    if start is None:
+        v, _ = policy_iteration(mdp, gain, ends, gain.argmax(axis=1))
+        swept = (gain + mdp.discount * (mdp.transitions @ v).reshape(gain.shape)).max(axis=1)
+        more = max(0.0, float((swept - v)[live].max(initial=0.0))) / (1 - mdp.discount)
+    else:
+        v, _, more = nearly_optimal(mdp, gain, ends, start, within)
+    return np.where(live, v + (more + ROUNDING / (1 - mdp.discount)), 0.0)
+
+
+def drawn_set(comparator: Comparator) -> tuple[Draws, float] | None:
+    """Return a comparator's draws and the share of their weight under which its bounds hold.
+
+    None if its bounds do not depend on draws.
+    """
+    level = trusted_share(comparator)
+    draws = None if level is None else draws_in(comparator)
+    return None if level is None or draws is None else (Draws(*draws), level)
+
+
+def draws_of(comparator: Comparator) -> Draws:
+    """Return a comparator's draws, or draws from all ordered scales if it has none."""
+    own = draws_in(comparator)
+    if own is not None:
+        return Draws(*own)
+    p = comparator.k - 1
+    return draws_within(
+        Region(0.0, np.empty((0, p)), np.empty(0), np.empty(0, np.int64)), np.full(p, 1.0 / p)
+    )

@@ -11,7 +11,7 @@ from qlearn.cli.options import fail
 
 if TYPE_CHECKING:
     from elicit.tutors.answer_log import AnswerLog, Entry
-    from elicit.tutors.log_lines import BadLog
+    from elicit.tutors.log_file import BadLog
 
 
 def add_to(commands: Any) -> None:
@@ -99,7 +99,7 @@ def check(files: list[Path]) -> int:
         if log is not None and not faults:
             entries = list(log)
             withdrawn = sum(entry.retracted for entry in entries)
-            repeats = sum(entry.repeat and not entry.retracted for entry in entries)
+            repeats = sum(entry.repeat and entry.stands for entry in entries)
             unused = sum(not entry.used for entry in entries) - withdrawn - repeats
             kinds = f"{withdrawn} of them withdrawn, {unused} unused" + (
                 f", {repeats} repeats" if repeats else ""
@@ -154,7 +154,7 @@ def _read(path: Path) -> tuple[AnswerLog | None, list[BadLog | OSError]]:
     None if it is no log at all.
     """
     from elicit.tutors.answer_log import AnswerLog
-    from elicit.tutors.log_lines import BadLog
+    from elicit.tutors.log_file import BadLog
 
     faults: list[BadLog] = []
     try:

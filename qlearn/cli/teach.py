@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from qlearn.cli.options import fail, number_parser, part_parser
 from qlearn.experiments.catalogue import PROBLEMS, TAUGHT_WITH
-from qlearn.experiments.factories import Own
+from qlearn.experiments.own_parts import Own
 from qlearn.experiments.settings import FROM_0, INNER, SHARE, NameOrOwn, Number
 
 if TYPE_CHECKING:
@@ -450,7 +450,7 @@ def begun_with(path: Path, recipe: dict[str, Any]) -> dict[str, Any]:
     A log may be gone on with other options. One without the field stays as it is.
     """
     from elicit import AnswerLog
-    from elicit.tutors.log_lines import BadLog
+    from elicit.tutors.log_file import BadLog
 
     try:
         header = AnswerLog.read(path, []).header
@@ -477,7 +477,7 @@ def _served(session: Session, subject: Subject, again: str, how: SessionOptions)
     # a package is missing, an address lets others in, a port is in use
     except (ImportError, ValueError, OSError) as error:
         return fail(error)
-    kept = sum(not entry.retracted and not entry.repeat for entry in session.log)
+    kept = sum(not entry.repeat for entry in session.log.standing)
     print(
         f"Kept: {kept} answer{'' if kept == 1 else 's'}. To go on:\n  {printable(again)}",
         flush=True,

@@ -80,5 +80,5 @@ def run_study(
 
 
 def _answers(session: Session) -> str:
-    n = sum(not entry.retracted and not entry.repeat for entry in session.log)
+    n = sum(not entry.repeat for entry in session.log.standing)
     return f"{n} answer{'' if n == 1 else 's'}"

@@ -37,7 +37,7 @@ from qlearn.cli.conclusions import (
     policy_stakes,
 )
 from qlearn.experiments.catalogue import COMPARATORS, PROBLEMS
-from qlearn.experiments.factories import Own
+from qlearn.experiments.own_parts import Own
 from qlearn.learners.expected_bounds import expected_bounds
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -171,7 +171,7 @@ def _comparator_maker(
     told = {}
     for path in like:
         log = AnswerLog.read(path)
-        if not any(not entry.retracted for entry in log):
+        if not log.standing:
             raise ValueError(f"{path} holds no answers to learn from: leave it out of --like")
         theirs = log.header.get("labels")
         if theirs != list(labels):

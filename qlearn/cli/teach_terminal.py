@@ -15,7 +15,7 @@ from elicit.person.findings import ScaleRow
 from elicit.person.interview import Interview, Subject
 from elicit.person.session import Session
 from elicit.person.showing import NARROWEST, Choice, printable
-from elicit.tutors.log_lines import BadLog
+from elicit.tutors.log_file import BadLog
 from qlearn.cli.options import fail
 
 _Key = Choice | Literal["undo", "why", "finish", "quit"]
@@ -232,7 +232,7 @@ class Terminal:
         self._say(f"\nAll answers are in {self._log.path}.")
 
     def _leave(self, code: int) -> int:
-        answered = sum(not entry.retracted and not entry.repeat for entry in self._log)
+        answered = sum(not entry.repeat for entry in self._log.standing)
         self._say(f"Kept: {_answers(answered)}. To go on:")
         print(f"  {printable(self._again)}", flush=True)
         return code

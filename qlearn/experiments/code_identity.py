@@ -1,6 +1,6 @@
-"""A hash of a function's code and of all that it depends on.
+"""Hashes of the code that a run depends on: a user's factory, and the sources of both packages.
 
-By it a journal tells a user's factory of today from that of yesterday.
+By them a journal tells the code of today from that of yesterday.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ import types
 import typing
 import uuid
 from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +27,43 @@ _INSTALLED = [
     Path(sysconfig.get_path(name)).resolve()
     for name in ("stdlib", "platstdlib", "purelib", "platlib")
 ]
+_NO_RUNS = (
+    "cli",
+    "paper",
+    "experiments/ablation_plot.py",
+    "experiments/code_identity.py",
+    "experiments/compile_ahead.py",
+    "warm_up.py",
+)  # sources of qlearn that no run depends on
+
+
+@cache
+def sources() -> str:
+    """Return a hash of what a run depends on beside its settings.
+
+    It depends on the sources, and on the libraries that compute.
+    """
+    digest = hashlib.blake2b(digest_size=16)
+    here = Path(__file__).parents[1]
+    for package in (here.parent / "elicit", here):
+        for path in sorted(package.rglob("*.py")):
+            name = path.relative_to(package).as_posix()
+            if package != here or not name.startswith(_NO_RUNS):
+                digest.update(name.encode() + path.read_bytes())
+    for library in (
+        "numpy",
+        "scipy",
+        "clarabel",
+        "numba",
+        "icu-sepsis",
+        "gymnasium",
+        "mo-gymnasium",
+    ):
+        try:
+            digest.update(f"{library} {version(library)}".encode())
+        except PackageNotFoundError:
+            digest.update(f"no {library}".encode())
+    return digest.hexdigest()
 
 
 def identity(thing: Any) -> str:

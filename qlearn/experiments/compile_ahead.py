@@ -23,7 +23,7 @@ from elicit.model.scale import Floats
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from qlearn.experiments.catalogue import COMPARATORS, LEARNERS
 from qlearn.experiments.parallel import Cell
-from qlearn.learners.learner import drive
+from qlearn.learners.driving import drive
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.learners.value_iteration import InteractiveValueIteration

@@ -11,8 +11,9 @@ from scipy import stats
 
 from elicit.model.comparator import BY_ANSWERS, Decisions, Tier
 from elicit.model.difference import dominance, tail_sums
-from elicit.model.query import Verdict
+from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats, dot, gaps
+from elicit.model.tutor import Tutor
 from elicit.tutors.simulated import TruthfulTutor
 from qlearn.learners.learner import Result
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -118,6 +119,35 @@ class Watch:
         for column, chosen in enumerate((matters, matters & (true != said))):
             self._counts[:, column] += np.bincount(after[chosen], minlength=2)
         self._waiting, self._rows = [], 0
+
+
+class Counted:
+    """A tutor that counts its verdicts, and those that differ from the hidden values' (k,)."""
+
+    def __init__(self, tutor: Tutor, values: Floats) -> None:
+        self._tutor, self._truth = tutor, TruthfulTutor(values)
+        self._given = self._wrong = 0
+
+    def __call__(self, query: Query) -> Answer:
+        """Return the tutor's answer. Raise TypeError unless it is an Answer."""
+        answer = self._tutor(query)
+        if not isinstance(answer, Answer):
+            raise TypeError(
+                f"a tutor returns an elicit.Answer, but {self._tutor!r} returned {answer!r}"
+            )
+        if answer.verdict is not None:
+            true = int(self._truth.signs(query.d)[0])
+            self._given += 1
+            self._wrong += true != 0 and int(answer.verdict) != true
+        return answer
+
+    @property
+    def realised_error_rate(self) -> float:
+        """Share of the verdicts that are wrong; nan before the first.
+
+        Calling either of two equal vectors better is not wrong. Calling two that differ equal is.
+        """
+        return self._wrong / self._given if self._given else float("nan")
 
 
 def counts(result: Result) -> dict[str, Any]:

@@ -1,24 +1,95 @@
-"""The parts of a run that a user's factories make, each checked for what a run needs.
+"""Parts of an ablation that a user brings: names, factories, and what each factory makes.
 
-Errors name the factory.
+A factory is given as a function or as "package.module:factory". What it makes is checked for what a
+run needs, and errors name the factory. Imports nothing heavy before something is made.
 """
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
+if TYPE_CHECKING:
+    from elicit.model.comparator import Comparator
+    from elicit.model.scale import Floats
+    from elicit.model.tutor import CountsErrors
+    from qlearn.experiments.metrics import Counted
+    from qlearn.learners.learner import Learner
+    from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
-from elicit.model.comparator import Comparator, check_comparator_made
-from elicit.model.query import Answer, Query
-from elicit.model.scale import Floats, gaps
-from elicit.model.tutor import CountsErrors, Tutor
-from elicit.tutors.simulated import TruthfulTutor
-from qlearn.experiments.factories import Own
-from qlearn.learners.learner import Learner
-from qlearn.mdp.ordinal_mdp import OrdinalMDP
+
+@dataclass(frozen=True, eq=False)
+class Own:
+    """A factory of the user's, and the name that it has in tables and pictures.
+
+    Two are equal if their names and their code are.
+    """
+
+    name: str
+    factory: Callable[..., Any]
+
+    @cached_property
+    def identity(self) -> str:
+        """A hash of the factory's code and of what it depends on (``code_identity.identity``)."""
+        from qlearn.experiments.code_identity import identity
+
+        return identity(self.factory)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Own) and (self.name, self.identity) == (other.name, other.identity)
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.identity))
+
+    def made(self, *arguments: Any, **keywords: Any) -> Any:
+        """Return the result of the factory.
+
+        Raise ValueError, which names the factory, if it raises an Exception.
+        """
+        try:
+            return self.factory(*arguments, **keywords)
+        except Exception as error:
+            raise ValueError(
+                f"{self.name!r}: the factory raised {type(error).__name__}: {error}"
+            ) from error
+
+
+def own_of(text: str) -> Own:
+    """Return the factory of "package.module:factory", or of "name=package.module:factory".
+
+    Without a name the text is the name. The module is imported. Raise ValueError if there is no
+    such module or attribute, or if it cannot be called.
+    """
+    name, _, where = text.rpartition("=")
+    module, _, path = where.partition(":")
+    if not module or not path:
+        raise ValueError(f"{where!r} is not of the form package.module:factory")
+    try:
+        found: Any = import_module(module)
+    except ModuleNotFoundError as error:
+        missing = error.name or module
+        if f"{module}.".startswith(f"{missing}."):
+            raise ValueError(
+                f"{where!r}: there is no module {missing!r} in the current directory or installed"
+            ) from None
+        raise ValueError(
+            f"{where!r}: importing {module} needs {missing!r}, which is not installed"
+        ) from error
+    except Exception as error:
+        raise ValueError(
+            f"{where!r}: importing {module} raised {type(error).__name__}: {error}"
+        ) from error
+    for part in path.split("."):
+        if not hasattr(found, part):
+            raise ValueError(f"{where!r}: module {module} has no {path!r}")
+        found = getattr(found, part)
+    if not callable(found):
+        raise ValueError(f"{where!r} is no factory: {found!r} cannot be called")
+    return Own(name or where, found)
 
 
 def problem_of(own: Own, seed: int) -> tuple[OrdinalMDP, Floats]:
@@ -26,6 +97,11 @@ def problem_of(own: Own, seed: int) -> tuple[OrdinalMDP, Floats]:
 
     Raise ValueError unless it returns such a pair.
     """
+    import numpy as np
+
+    from elicit.model.scale import gaps
+    from qlearn.mdp.ordinal_mdp import OrdinalMDP
+
     made = own.made(seed)
     pair = made if isinstance(made, tuple) and len(made) == 2 else (None, None)
     if not isinstance(pair[0], OrdinalMDP):
@@ -53,6 +129,8 @@ def comparator_of(own: Own, k: int, seed: int) -> Comparator:
 
     Raise ValueError for anything else, and for one of other levels.
     """
+    from elicit.model.comparator import check_comparator_made
+
     made = own.made(k, seed)
     try:
         check_comparator_made(made)
@@ -71,6 +149,8 @@ def comparator_of(own: Own, k: int, seed: int) -> Comparator:
 
 def learner_of(own: Own, mdp: OrdinalMDP, comparator: Comparator, seed: int) -> Learner:
     """Return the learner of a factory(mdp, comparator, seed), or raise ValueError."""
+    from qlearn.learners.learner import Learner
+
     made = own.made(mdp, comparator, seed)
     if not isinstance(made, Learner):
         raise ValueError(f"{_named(own, seed=seed)} must return a qlearn.Learner, not {made!r}")
@@ -85,6 +165,9 @@ def tutor_of(
     The factory may have a third parameter called reference. It then gets ``reference``, the
     differences (n, k) by which its noise can be set. Raise ValueError if the result is no tutor.
     """
+    from elicit.model.tutor import CountsErrors
+    from qlearn.experiments.metrics import Counted
+
     wants = "reference" in inspect.signature(own.factory).parameters
     made = own.made(values.copy(), seed, **({"reference": reference()} if wants else {}))
     if isinstance(made, type) or not callable(made):
@@ -92,35 +175,6 @@ def tutor_of(
             f"{_named(own, seed=seed)} must return a tutor, which takes a query, not {made!r}"
         )
     return made if isinstance(made, CountsErrors) else Counted(made, values)
-
-
-class Counted:
-    """A tutor that counts its verdicts, and those that differ from the hidden values' (k,)."""
-
-    def __init__(self, tutor: Tutor, values: Floats) -> None:
-        self._tutor, self._truth = tutor, TruthfulTutor(values)
-        self._given = self._wrong = 0
-
-    def __call__(self, query: Query) -> Answer:
-        """Return the tutor's answer. Raise TypeError unless it is an Answer."""
-        answer = self._tutor(query)
-        if not isinstance(answer, Answer):
-            raise TypeError(
-                f"a tutor returns an elicit.Answer, but {self._tutor!r} returned {answer!r}"
-            )
-        if answer.verdict is not None:
-            true = int(self._truth.signs(query.d)[0])
-            self._given += 1
-            self._wrong += true != 0 and int(answer.verdict) != true
-        return answer
-
-    @property
-    def realised_error_rate(self) -> float:
-        """Share of the verdicts that are wrong; nan before the first.
-
-        Calling either of two equal vectors better is not wrong. Calling two that differ equal is.
-        """
-        return self._wrong / self._given if self._given else float("nan")
 
 
 def _named(own: Own, **arguments: Any) -> str:

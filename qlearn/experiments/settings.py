@@ -13,7 +13,7 @@ from dataclasses import Field, dataclass, field, fields
 from typing import Any, ClassVar
 
 from qlearn.experiments.catalogue import ALWAYS, COMPARATORS, LEARNERS, PROBLEMS
-from qlearn.experiments.factories import Own, own_of
+from qlearn.experiments.own_parts import Own, own_of
 
 _LIKE: Mapping[type, Any] = {int: numbers.Integral, float: numbers.Real}  # NumPy's numbers too
 

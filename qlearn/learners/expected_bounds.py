@@ -20,7 +20,7 @@ from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats
 from elicit.model.tutor import Tutor
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
-from qlearn.certificates.drawn_scales import draws_of
+from qlearn.certificates.loss_bound import draws_of
 from qlearn.learners.learner import check_problem
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.mdp.ordinal_mdp import OrdinalMDP

@@ -1,23 +1,20 @@
-"""The parts that all learners share: ask and tell, the loop that drives them, and their Result."""
+"""The parts that all learners share: ask and tell, and their Result."""
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, ClassVar, Protocol, TypeAlias, TypeVar, cast, runtime_checkable
+from typing import ClassVar, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from elicit._support.hashing import Seed, fold, key_of, name_code
-from elicit._support.seeds import seed_of
+from elicit._support.hashing import Seed
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
 from elicit.asking.elicitation import AnsweredQuery, Audit, Elicitation, OnConflict, Pair, Watcher
-from elicit.comparators.baselines import AlwaysAsk
 from elicit.comparators.panel import Panel
 from elicit.model.comparator import Comparator, Tier, check_comparator_made
 from elicit.model.comparator_parts import tie_of, wrong_of
@@ -26,31 +23,13 @@ from elicit.model.outcomes import Status, assumed_of_answers
 from elicit.model.query import (
     Answer,
     Answers,
-    InconsistentAnswers,
     Query,
     Verdict,
-    match,
 )
 from elicit.model.scale import Floats
-from elicit.model.tutor import TutorOfMany, answer_of, check_tutor_made
-from elicit.tutors.answer_log import EXPECTED, AnswerLog
-from elicit.tutors.panel import as_one_tutor
 from qlearn.certificates.loss_bound import BOUNDING, Guarantee, loses_at_most, loss_bound
 from qlearn.certificates.within_reach import out_of_reach, tolerance_within_reach
-from qlearn.learners.action_pair_kernel import AnswersInLoops
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
-
-R_co = TypeVar("R_co", covariant=True)
-
-_SIDES = name_code("sides that a tutor is shown")
-
-TutorLike: TypeAlias = Callable[[Query], Answer | int]
-"""A ``Tutor``, or a function that returns a verdict on the query's left vector in place of an
-Answer.
-"""
-
-Tutors: TypeAlias = TutorLike | Mapping[str, TutorLike]
-"""One tutor, or the tutor of each person by name: see ``elicit.PanelTutor``."""
 
 
 def place(mdp: OrdinalMDP, state: int, a: int, b: int) -> tuple[str, str, tuple[int, int, int]]:
@@ -426,9 +405,9 @@ class Learner:
 
     def _act(self) -> None:
         """Act on the answers, once. After an interruption, act on all of them again."""
-        if self._elicitation.told:
-            self._take(self._elicitation.told)
-            self._elicitation.told = ()
+        if self._elicitation.to_act_on:
+            self._take(self._elicitation.to_act_on)
+            self._elicitation.to_act_on = ()
 
     def _take(self, told: Sequence[AnsweredQuery]) -> None:
         """Act on the verdicts. Doing so twice must have the same effect as once."""
@@ -495,196 +474,3 @@ def _of_members(
     if not isinstance(comparator, Panel):
         return {}
     return {name: loss_bound(mdp, policy, member) for name, member in comparator.members.items()}
-
-
-class Drivable(Protocol[R_co]):
-    """A learner, or anything else with ``ask``, ``tell`` and ``result``, for ``drive``."""
-
-    @property
-    def comparator(self) -> Comparator:
-        """The comparator, which holds what is known of the scale."""
-
-    @property
-    def implied(self) -> dict[str, Verdict]:
-        """The verdicts that the answers so far imply for pending audits, by query id."""
-
-    def ask(self) -> tuple[Query, ...]:
-        """Return the pending queries, the same until they are answered, or () if there are none."""
-
-    def tell(
-        self, answers: Sequence[Answer], on_conflict: OnConflict = "raise"
-    ) -> tuple[Answer, ...]:
-        """Take answers to pending queries. Return the dropped ones."""
-
-    def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
-        """Let ``signs`` answer from now on, if it can. None: ask."""
-
-    def result(self) -> R_co:
-        """Return the result so far."""
-
-
-@runtime_checkable
-class AsksWithin(Protocol):
-    """A learner whose compiled loop can ask a simulated tutor by itself."""
-
-    def ask_within(self, tutor: AnswersInLoops | None) -> None:
-        """Ask this tutor within the loop from now on, if the results stay the same."""
-
-
-def drive(
-    learner: Drivable[R_co],
-    tutor: Tutors,
-    log: AnswerLog | None = None,
-    progress: Callable[[R_co], None] | None = None,
-    on_conflict: OnConflict = "raise",
-    seed: Seed | None = 0,
-) -> R_co:
-    """Ask and tell until the learner asks no more.
-
-    It has then finished, or waits for a policy to be trained.
-
-    Parameters
-    ----------
-    learner : Drivable
-    tutor : function, or mapping of str to function
-        It takes a query and returns an Answer, or a verdict on the query's left vector: a Verdict,
-        or 1, 0, -1. ``Answer(query, None)`` says "cannot tell". For several people, give the tutor
-        of each by name: ``{"ann": tutor, "ben": another}``.
-    log : AnswerLog, optional
-        Every answer goes there before the learner is told. If the tutor raises an error, or is
-        interrupted, at one of several questions (``batch``), the earlier answers are logged and
-        told nevertheless. AlwaysAsk with a simulated tutor asks so much that only counts are kept.
-    progress : function, optional
-        Called with the Result so far after every round of questions.
-    on_conflict : {"raise", "drop"}
-        An answer that contradicts the others is marked unused in the log. Then it raises
-        InconsistentAnswers, or with "drop" decides its own pair only.
-    seed : optional
-        Draws the sides. The tutor is shown a random half of the pairs right to left, so that a
-        liking for one side favours no policy. Answers are told and logged in terms of the learner's
-        own left, with ``swapped`` for exchanged pairs. None: the sides are drawn anew each time.
-
-    Raises
-    ------
-    StaleAnswer
-        If the tutor answers another question, before any answer of the round is logged.
-    InconsistentAnswers
-        Unless ``on_conflict="drop"``.
-    """
-    require(on_conflict in ("raise", "drop"), "on_conflict", "'raise' or 'drop'", on_conflict)
-    tutor = as_one_tutor(tutor, learner.comparator)
-    check_tutor_made(tutor, learner.comparator.k)
-    signs = _signs_of(tutor) if isinstance(learner.comparator, AlwaysAsk) else None
-    if signs is not None:
-        learner.consult(signs)
-    quiet = log is None and progress is None
-    own = hasattr(
-        type(tutor), "respondent"
-    )  # not passed on from a tutor that this one wraps, who must be called
-    if quiet and own and isinstance(tutor, AnswersInLoops) and isinstance(learner, AsksWithin):
-        learner.ask_within(tutor)
-    try:
-        return _driven(learner, _by_sides(tutor, seed), log, progress, on_conflict)
-    finally:  # the next to ask the comparator must not get this tutor's answers
-        if signs is not None:
-            learner.consult(None)
-        if isinstance(learner, AsksWithin):
-            learner.ask_within(None)
-
-
-def _signs_of(tutor: TutorLike) -> Callable[[ArrayLike], NDArray[np.int8]] | None:
-    """Return the tutor's way to answer many questions at once, or None if it has none.
-
-    It is also None if the tutor's way to answer a single question belongs to a derived class, or
-    wraps the tutor that has ``signs``. That way would be left out.
-    """
-    if isinstance(tutor, TutorOfMany):
-        for place in (tutor, *type(tutor).__mro__):
-            own = getattr(place, "__dict__", {})
-            if "signs" in own:
-                return tutor.signs
-            if isinstance(place, type) and "__call__" in own:
-                break
-    return None
-
-
-def _by_sides(tutor: TutorLike, seed: Seed | None) -> Callable[[Query], Answer]:
-    """Return the tutor, to whom half of the queries are shown right to left."""
-    key = key_of(seed_of(seed))
-
-    def ask(query: Query) -> Answer:
-        if int(fold(key, _SIDES, name_code(query.id))) & 1:
-            return answer_of(tutor(query), query)
-        shown = exchanged(query)
-        answer = answer_of(tutor(shown), shown)
-        if not isinstance(answer, Answer) or answer.query.id != query.id:
-            return answer  # refused by ``match``
-        verdict = None if answer.verdict is None else answer.verdict.flipped
-        # the rest of the answer, such as who gave it, stays
-        return replace(answer, query=query, verdict=verdict, swapped=not answer.swapped)
-
-    return ask
-
-
-def exchanged(query: Query) -> Query:
-    """Return the query with left and right exchanged, also in its text."""
-    words = {"(left)": "(right)", "(right)": "(left)"}
-    about = re.sub(r"\((left|right)\)", lambda found: words[found[0]], query.about)
-    return replace(query, left=query.right, right=query.left, about=about)
-
-
-def _driven(
-    learner: Drivable[R_co],
-    tutor: Callable[[Query], Answer],
-    log: AnswerLog | None,
-    progress: Callable[[R_co], None] | None,
-    on_conflict: OnConflict,
-) -> R_co:
-    while queries := learner.ask():
-        given: list[Answer] = []
-        try:
-            for query in queries:
-                given.append(tutor(query))
-        except BaseException as error:  # also Ctrl+C: earlier answers of the tutor are kept
-            try:
-                _log_and_tell(learner, match(given, queries), log, on_conflict)
-            except InconsistentAnswers as conflict:
-                error.add_note(f"The answers given before were logged, but not learned: {conflict}")
-            raise
-        _log_and_tell(learner, match(given, queries), log, on_conflict)
-        if progress is not None:
-            progress(learner.result())
-    return learner.result()
-
-
-def _log_and_tell(
-    learner: Drivable[Any],
-    answers: Sequence[Answer],
-    log: AnswerLog | None,
-    on_conflict: OnConflict,
-) -> None:
-    """Log answers, then tell them to the learner."""
-    if not answers:
-        return
-    if log is not None:
-        _append(log, answers, learner.implied)
-    try:
-        dropped = learner.tell(answers, on_conflict)
-    except InconsistentAnswers:
-        _mark_unused(log, answers)
-        raise
-    _mark_unused(log, dropped)
-
-
-def _append(log: AnswerLog, answers: Sequence[Answer], implied: Mapping[str, Verdict]) -> None:
-    for answer in answers:
-        audited: dict[str, Any] = (
-            {EXPECTED: int(implied[answer.query.id])} if answer.query.id in implied else {}
-        )
-        log.append(answer, **audited)
-
-
-def _mark_unused(log: AnswerLog | None, answers: Sequence[Answer]) -> None:
-    if log is not None:
-        for answer in answers:
-            log.mark_unused(answer.query.id)

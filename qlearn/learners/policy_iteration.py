@@ -37,8 +37,7 @@ from elicit.model.outcomes import Status
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
 from qlearn.certificates.advantages import Advantages
-from qlearn.certificates.drawn_scales import drawn_set, draws_of
-from qlearn.certificates.loss_bound import Guarantee, completed
+from qlearn.certificates.loss_bound import Guarantee, completed, drawn_set, draws_of
 from qlearn.learners.learner import (
     Learner,
     Result,
@@ -195,33 +194,33 @@ class InteractivePolicyIteration(Learner):
         if self._end is not None:
             return ()
         for look in (self._round, self._look_further):
-            over, found = look()
+            advantages, found = look()
             if found.loss_bound <= self._enough:
-                return self._audit(over, found)
+                return self._audit(advantages, found)
             if self._elicitation.spent:
                 self._end = Status.GUESSED
                 return ()
-            if len(rows := self._open_pairs(over)):
+            if len(rows := self._open_pairs(advantages)):
                 break
         else:
-            if mixtures := self._mixtures(over):
+            if mixtures := self._mixtures(advantages):
                 return self._elicitation.open([mixtures])
             self._end = Status.CALLED_EQUAL if self._elicitation.called_equal else Status.EXHAUSTED
             return ()
-        candidates = self._candidates(over, rows)
+        candidates = self._candidates(advantages, rows)
         chosen = best(self._strategy, candidates, len(rows))
         if self._cuts:
-            pair = self._cut(over, rows, candidates, candidates.d[chosen[0]])
+            pair = self._cut(advantages, rows, candidates, candidates.d[chosen[0]])
             if pair is not None:
                 return self._elicitation.open([pair])
         order = rows[chosen]
         if self._bags is not None:
-            about = over.d[order[: TUNING.signs]]
+            about = advantages.d[order[: TUNING.signs]]
             if simple := simple_pair(
                 self._elicitation, self._bags, candidates, about, self._labels
             ):
                 return self._elicitation.open([simple])
-        return self._open(over, order[self._elicitation.next_batch(over.d[order])])
+        return self._open(advantages, order[self._elicitation.next_batch(advantages.d[order])])
 
     @one_thread
     def result(self) -> Result:
@@ -230,13 +229,13 @@ class InteractivePolicyIteration(Learner):
         ``decided`` counts the current policy's alternatives by what decided them, and the
         questions. Asking for a result changes no later question.
         """
-        rounds, over, found = self._present()
+        rounds, advantages, found = self._present()
         comparator = self._elicitation.comparator
-        in_full = partial(completed, found, self._mdp, over, comparator)
-        looked_at = over if self._end is None else rounds.everything()
+        in_full = partial(completed, found, self._mdp, advantages, comparator)
+        looked_at = advantages if self._end is None else rounds.everything()
         settled = np.bincount(self._settled_by(looked_at), minlength=len(Tier))
-        shares = partial(q_of, np.arange(self._mdp.n_states), over.v, model_of(self._mdp))
-        policy = over.policy.copy()
+        shares = partial(q_of, np.arange(self._mdp.n_states), advantages.v, model_of(self._mdp))
+        policy = advantages.policy.copy()
         return self._result(
             self._mdp,
             policy,
@@ -291,41 +290,41 @@ class InteractivePolicyIteration(Learner):
         self._found = comparator, *self._rounds.look_further(comparator)
         return self._found[1:]
 
-    def _open_pairs(self, over: Advantages) -> NDArray[np.int64]:
+    def _open_pairs(self, advantages: Advantages) -> NDArray[np.int64]:
         """Return rows of the advantages that could still change the policy and may be asked about.
 
         These are the ones that some plausible scale puts above the limit. If there are none and
         scales are drawn, all draws count, also those that the comparator leaves out.
         """
-        comparator, places = self._elicitation.comparator, partial(self._place, over)
+        comparator, places = self._elicitation.comparator, partial(self._place, advantages)
         limit = self._elicitation.indifference
-        rows = worth_asking(self._elicitation, over.d, places, limit)
+        rows = worth_asking(self._elicitation, advantages.d, places, limit)
         if self._elicitation.called_equal:
             # loss bounds allow for wider ties than verdicts: pairs between the two must not be
             # asked about
-            rows = rows[decide(comparator, over.d[rows]).verdicts == Verdict.UNKNOWN]
+            rows = rows[decide(comparator, advantages.d[rows]).verdicts == Verdict.UNKNOWN]
         if not len(rows) and drawn_set(comparator) is not None:
             least = limit if self._elicitation.gave_up else 0.0
             rows = np.flatnonzero(
-                (product(tail_sums(over.d), draws_of(comparator).gaps) > least).any(axis=1)
+                (product(tail_sums(advantages.d), draws_of(comparator).gaps) > least).any(axis=1)
             )
-            rows = rows[self._elicitation.may_ask(over.d[rows], lambda i: places(rows[i]))]
+            rows = rows[self._elicitation.may_ask(advantages.d[rows], lambda i: places(rows[i]))]
         if self._magnify:  # the multiple is what was asked, and a multiple counts as another pair
-            asked = over.d[rows] * np.reshape(self._times(over, rows), (-1, 1))
+            asked = advantages.d[rows] * np.reshape(self._times(advantages, rows), (-1, 1))
             rows = rows[self._elicitation.may_ask(asked, lambda i: places(rows[i]))]
         return rows
 
-    def _candidates(self, over: Advantages, rows: NDArray[np.int64]) -> Candidates:
+    def _candidates(self, advantages: Advantages, rows: NDArray[np.int64]) -> Candidates:
         return Candidates(
-            over.d[rows],
-            over.states[rows],
-            over.actions[rows],
+            advantages.d[rows],
+            advantages.states[rows],
+            advantages.actions[rows],
             TUNING.matters * self._enough,
             self._elicitation.comparator,
-            self._times(over, rows),
+            self._times(advantages, rows),
         )
 
-    def _mixtures(self, over: Advantages) -> Pair | None:
+    def _mixtures(self, advantages: Advantages) -> Pair | None:
         """Return a question about a level and a mixture of two others.
 
         It is for when each pair of actions that matters has been asked about, and the tutor may
@@ -335,18 +334,22 @@ class InteractivePolicyIteration(Learner):
         elicitation, k = self._elicitation, self._mdp.k
         if not self._magnify or drawn_set(elicitation.comparator) is None or elicitation.gave_up:
             return None
-        high = simultaneous_bounds(elicitation.comparator, over.d)[0]
+        high = simultaneous_bounds(elicitation.comparator, advantages.d)[0]
         rows = np.flatnonzero(high > elicitation.indifference)
         if not len(rows) or k < 3:
             return None
-        candidates = self._candidates(over, rows)
+        candidates = self._candidates(advantages, rows)
         about = candidates.d[best(self._strategy, candidates, TUNING.signs)]
         few = (days for days in TUNING.days if comb(k, 3) * (days - 1) <= TUNING.mixtures)
         days = next(few, TUNING.days[-1])
         return simple_pair(elicitation, Bags(days), candidates, about, self._labels)
 
     def _cut(
-        self, over: Advantages, rows: NDArray[np.int64], candidates: Candidates, instead: Floats
+        self,
+        advantages: Advantages,
+        rows: NDArray[np.int64],
+        candidates: Candidates,
+        instead: Floats,
     ) -> Pair | None:
         """Return a question that closes more of the advantages than ``instead`` (k,) would.
 
@@ -365,7 +368,7 @@ class InteractivePolicyIteration(Learner):
         wrong = wrong_of(known)
         if undecided > (TUNING.confirming if wrong else TUNING.undecided):
             return None
-        high = simultaneous_bounds(known, over.d)[0][rows]
+        high = simultaneous_bounds(known, advantages.d)[0][rows]
         most = np.argsort(-high, kind="stable")[: TUNING.closed]
         limit = TUNING.close * self._enough
         cut: Floats | None
@@ -377,7 +380,7 @@ class InteractivePolicyIteration(Learner):
         elif wrong:
             found = confirming_question(known, d, limit)
             if found.row >= 0:
-                return self._pair(over, int(rows[most[found.row]]))
+                return self._pair(advantages, int(rows[most[found.row]]))
             cut = found.d
         else:
             cut = closing_cut(known, candidates.draws, d, high[most], limit, instead)
@@ -387,65 +390,68 @@ class InteractivePolicyIteration(Learner):
         pair = Pair(left, right, "two mixtures of levels: left or right?", who=who)
         return pair if elicitation.may_ask(cut[None], lambda _: pair.place).all() else None
 
-    def _settled_by(self, over: Advantages) -> NDArray[np.int8]:
+    def _settled_by(self, advantages: Advantages) -> NDArray[np.int8]:
         """Return the tiers (n,) that decided that the policy's alternatives are no better.
 
         Open ones are left out, unless the budget is spent.
         """
-        verdicts, tiers = decide(self._elicitation.comparator, over.d)
+        verdicts, tiers = decide(self._elicitation.comparator, advantages.d)
         rows = np.flatnonzero(verdicts == Verdict.UNKNOWN)
-        high = simultaneous_bounds(self._elicitation.comparator, over.d[rows])[0]
+        high = simultaneous_bounds(self._elicitation.comparator, advantages.d[rows])[0]
         tiers[rows] = np.where(high <= self._elicitation.indifference, Tier.INDIFFERENT, Tier.GUESS)
         return np.asarray(
             tiers[(tiers != Tier.GUESS) | (self._end is Status.GUESSED)], dtype=np.int8
         )
 
-    def _audit(self, over: Advantages, found: Guarantee) -> tuple[Query, ...]:
+    def _audit(self, advantages: Advantages, found: Guarantee) -> tuple[Query, ...]:
         """Audit some of what the proof depends on; without audits, end."""
-        if self._elicitation.rule().audit:
-            over = self._rounds.some_of(over)
-            judged = self._elicitation.judge(over.d, partial(self._place, over))
+        if self._elicitation.asking_rule().audit:
+            advantages = self._rounds.some_of(advantages)
+            judged = self._elicitation.decide(advantages.d, partial(self._place, advantages))
             rows = np.flatnonzero(
                 (judged.verdicts == Verdict.UNKNOWN) & (judged.tiers != Tier.TUTOR)
             )
         else:
             rows = np.empty(0, np.int64)
         if len(rows):
-            some = self._elicitation.next_batch(over.d[rows])[: self._elicitation.audits_left]
-            return self._open(over, rows[some], judged.tiers)
+            some = self._elicitation.next_batch(advantages.d[rows])[: self._elicitation.audits_left]
+            return self._open(advantages, rows[some], judged.tiers)
         within = Status.CONVERGED if found.loss_bound <= self._tolerance else Status.CERTIFIED
         self._end = Status.BOUNDED if np.isnan(found.confidence) else within
         return ()
 
     def _open(
-        self, over: Advantages, rows: NDArray[np.int64], tiers: Tiers | None = None
+        self, advantages: Advantages, rows: NDArray[np.int64], tiers: Tiers | None = None
     ) -> tuple[Query, ...]:
         """Ask about these rows. An audit gives the tiers (n,) that decided all rows."""
         return self._elicitation.open(
-            [self._pair(over, row, Tier.TUTOR if tiers is None else tiers[row]) for row in rows]
+            [
+                self._pair(advantages, row, Tier.TUTOR if tiers is None else tiers[row])
+                for row in rows
+            ]
         )
 
-    def _pair(self, over: Advantages, row: int, tier: int = Tier.TUTOR) -> Pair:
+    def _pair(self, advantages: Advantages, row: int, tier: int = Tier.TUTOR) -> Pair:
         """Return the pair of an action's vector and the policy's, at the state of this row."""
-        s, a = int(over.states[row]), int(over.actions[row])
-        left = q_of(np.array([s]), over.v, model_of(self._mdp))[0, a]
-        pair = pair_of(self._mdp, left, over.v[s], s, a, int(over.policy[s]), int(tier))
+        s, a = int(advantages.states[row]), int(advantages.actions[row])
+        left = q_of(np.array([s]), advantages.v, model_of(self._mdp))[0, a]
+        pair = pair_of(self._mdp, left, advantages.v[s], s, a, int(advantages.policy[s]), int(tier))
         if not self._magnify:
             return pair
-        named = self._place(over, row)
+        named = self._place(advantages, row)
         return magnified(pair._replace(about=named[0], place=named))
 
-    def _times(self, over: Advantages, rows: NDArray[np.int64]) -> Floats | float:
+    def _times(self, advantages: Advantages, rows: NDArray[np.int64]) -> Floats | float:
         """Return by how much each row's difference is multiplied where it is asked about."""
         if not self._magnify:
             return 1.0
-        values = over.v[over.states[rows]]
-        return multiples(values + over.d[rows], values)
+        values = advantages.v[advantages.states[rows]]
+        return multiples(values + advantages.d[rows], values)
 
-    def _place(self, over: Advantages, row: int) -> tuple[str, str, tuple[int, int, int]]:
-        state = int(over.states[row])
+    def _place(self, advantages: Advantages, row: int) -> tuple[str, str, tuple[int, int, int]]:
+        state = int(advantages.states[row])
         one, mirrored, numbers = place(
-            self._mdp, state, int(over.actions[row]), int(over.policy[state])
+            self._mdp, state, int(advantages.actions[row]), int(advantages.policy[state])
         )
         if self._magnify:
             one, mirrored = f"{one} {LEFT_OUT}", f"{mirrored} {LEFT_OUT}"

@@ -20,8 +20,6 @@ from elicit.model.needs import Needs, check_needs
 from elicit.model.outcomes import Status
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
-from qlearn.learners import q_learning_kernel as kernel
-from qlearn.learners.action_pair_kernel import AnswersInLoops, PairJudge
 from qlearn.learners.exploration import (
     Epsilon,
     Exploration,
@@ -31,6 +29,8 @@ from qlearn.learners.exploration import (
     schedule,
 )
 from qlearn.learners.learner import Learner, Result, check_problem, pair_of
+from qlearn.learners.loops import q_learning_kernel as kernel
+from qlearn.learners.loops.action_pair_kernel import AnswersInLoops, PairJudge
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 LearningRate: TypeAlias = float | Callable[[NDArray[np.int64]], Floats]
@@ -192,7 +192,7 @@ class InteractiveQLearning(Learner):
             pair = self._pair()
             d = (pair.left - pair.right)[None, :]
             places = [pair.place]  # of the only row
-            verdicts, tiers = elicitation.judge(d, places.__getitem__)
+            verdicts, tiers = elicitation.decide(d, places.__getitem__)
             if verdicts[0] == Verdict.UNKNOWN:
                 return elicitation.open([pair._replace(tier=int(tiers[0]))])
             self._verdict = int(verdicts[0])

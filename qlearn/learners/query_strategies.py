@@ -34,7 +34,7 @@ from elicit.model.difference import tail_sums
 from elicit.model.needs import uses
 from elicit.model.scale import Floats
 from elicit.tutors.erring_tutor import says_left
-from qlearn.certificates.drawn_scales import draws_of
+from qlearn.certificates.loss_bound import draws_of
 
 __all__ = [
     "STRATEGIES",

@@ -14,9 +14,9 @@ from elicit.model.comparator import Decisions, Tier
 from elicit.model.difference_kernel import UNKNOWN, UNSETTLED
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats
-from qlearn.learners.action_pair_kernel import PairJudge
 from qlearn.learners.learner import place
-from qlearn.learners.state_sweep_kernel import ANSWERED, Outcome, Work, no_outcome, sweep
+from qlearn.learners.loops.action_pair_kernel import PairJudge
+from qlearn.learners.loops.state_sweep_kernel import ANSWERED, Outcome, Work, no_outcome, sweep
 from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.warm_planning import nearly_valued
@@ -42,7 +42,7 @@ class StateSweep:
         self.cursor = np.empty(n, dtype=np.int32)  # each state's next challenger
         self.judged: dict[
             int, int
-        ] = {}  # by waiting state: its pair's tier, as ``Elicitation.judge`` has it
+        ] = {}  # by waiting state: its pair's tier, as ``Elicitation.decide`` has it
         self._pairs = PairJudge(elicitation, n * m, np.float32, room=m)
         self._judged_by = (
             elicitation.comparator
@@ -208,7 +208,7 @@ class StateSweep:
         def where(row: int) -> Place:
             return place(self._mdp, int(states[row]), int(challengers[row]), int(incumbents[row]))
 
-        verdicts, tiers = self._elicitation.judge(d, where)
+        verdicts, tiers = self._elicitation.decide(d, where)
         needs = verdicts == Verdict.UNKNOWN
         self.judged.update(zip(states[needs].tolist(), tiers[needs].tolist(), strict=True))
         self._elicitation.commit(d[~needs], Decisions(verdicts[~needs], tiers[~needs]))

@@ -21,7 +21,7 @@ from elicit._support.threads import one_thread
 from elicit.comparators.panel import Panel
 from elicit.model.comparator_parts import best_guess, simultaneous_bounds
 from elicit.model.scale import Floats
-from qlearn.certificates.collected_total import greatest_total
+from qlearn.certificates.loss_bound import greatest_total
 from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import evaluate_policy, policy_loss, rewarded, value_iteration

@@ -20,9 +20,9 @@ from typing import Any
 
 import pandas as pd
 
+from qlearn.experiments.ablation import Run, in_order, instance, of_precision, run_all, run_named
 from qlearn.experiments.metrics import reference_differences
 from qlearn.experiments.parallel import Cell, SweepOptions
-from qlearn.experiments.run import Run, in_order, instance, of_precision, run_all, run_named
 from qlearn.experiments.settings import TRUTHFUL, FiguresSettings
 
 KEYS = ("states", "levels", "comparator", "errs", "seed")

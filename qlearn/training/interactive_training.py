@@ -26,7 +26,7 @@ from elicit.model.needs import Needs, check_needs
 from elicit.model.outcomes import Status
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats, values_of
-from qlearn.certificates.drawn_scales import draws_of
+from qlearn.certificates.loss_bound import draws_of
 from qlearn.environments.rollout_shares import STANDARD_ERRORS, RolloutShares
 from qlearn.learners.learner import check_tolerance
 from qlearn.learners.query_strategies import (
@@ -510,7 +510,7 @@ class InteractiveTraining:
     def _audit(self, shares: Floats, at: int) -> _Question | None:
         """Return a pair of policies that the answers have decided, if audits are wanted."""
         d = np.delete(shares, at, axis=0) - shares[at]
-        judged = self._elicitation.judge(d, lambda row: self._pair_of_policies(at, row).place)
+        judged = self._elicitation.decide(d, lambda row: self._pair_of_policies(at, row).place)
         rows = np.flatnonzero((judged.verdicts == Verdict.UNKNOWN) & (judged.tiers != Tier.TUTOR))
         if not len(rows) or not self._elicitation.audits_left:
             return None

@@ -21,8 +21,7 @@ from elicit.model.comparator_parts import simultaneous_bounds, stated_confidence
 from elicit.model.difference import tail_sums
 from elicit.model.scale import Floats
 from qlearn.certificates.drawn_losses import upper_quantile
-from qlearn.certificates.drawn_scales import drawn_set
-from qlearn.certificates.loss_bound import Guarantee
+from qlearn.certificates.loss_bound import Guarantee, drawn_set
 from qlearn.environments.rollout_shares import STANDARD_ERRORS
 from qlearn.training.reachable_set import ReachableSet
 from qlearn.training.training_result import TrainedPolicy

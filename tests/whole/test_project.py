@@ -31,7 +31,7 @@ ORDER = (  # a folder imports from those before it; folders side by side do not 
     ("qlearn.problems.families",),
     ("qlearn.problems",),
     ("qlearn.certificates",),
-    ("qlearn.learners.rounds",),
+    ("qlearn.learners.loops", "qlearn.learners.rounds"),
     ("qlearn.learners",),
     ("qlearn.panel",),
     ("qlearn.training",),

@@ -29,7 +29,7 @@ class Repeats:
 
     def due(self) -> Query | None:
         """Return the question to put again now, as a query with an id of its own, or None."""
-        standing = [entry for entry in self._log if not entry.retracted]
+        standing = self._log.standing
         if not standing or standing[-1].repeat or self._settled_last():
             return None
         first = [entry.answer for entry in standing if not entry.repeat]
@@ -47,7 +47,7 @@ class Repeats:
         conduct, again = Conduct.of(log), repeats_in(log)
         if conduct.passed or conduct.like_chance or conduct.checks >= MOST_CHECKS:
             return None
-        standing = [entry for entry in log if not entry.retracted]
+        standing = self._log.standing
         first = [entry.answer for entry in standing if not entry.repeat]
         _, which = fold(self._key, len(first), [0, 1])
         return self._again(first, int(which) + len(again))
@@ -87,6 +87,6 @@ class Repeats:
 
     def first_answer(self, query: Query) -> Answer | None:
         """Return the answer that was given to a repeated query the first time."""
-        standing = [entry for entry in self._log if not entry.retracted]
+        standing = self._log.standing
         id = query.id.removesuffix(_AGAIN)
         return next((e.answer for e in reversed(standing) if e.answer.query.id == id), None)

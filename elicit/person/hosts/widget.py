@@ -99,7 +99,7 @@ class InterviewWidget(AnyWidget):  # type: ignore[misc, unused-ignore]  # ipywid
 
     def __repr__(self) -> str:
         """Return the text in place of the widget: "a session of ICU-Sepsis: 3 answered"."""
-        answered = sum(not (entry.retracted or entry.repeat) for entry in self._session.log)
+        answered = sum(not entry.repeat for entry in self._session.log.standing)
         return f"a session{f' of {self._title}' if self._title else ''}: {answered} answered"
 
     def _take(self, _: Any, content: Any, buffers: Any) -> None:

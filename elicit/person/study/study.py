@@ -27,9 +27,8 @@ from elicit.comparators.panel import Panel
 from elicit.diagnostics.agreement import Agreement, agreement
 from elicit.model.comparator import Comparator
 from elicit.person.beside import Company
-from elicit.person.course.progress import Progress
 from elicit.person.findings import certainty, scale_rows
-from elicit.person.interview import Interview, Subject
+from elicit.person.interview import Interview, Progress, Subject
 from elicit.person.session import Session
 from elicit.person.showing import printable
 from elicit.tutors.answer_log import Entry
@@ -128,7 +127,7 @@ class Study(Closing):
         with self._lock:  # so that it is computed once for the same answers
             found = {who: interview.progress for who, interview in self.interviews.items()}
             answers = {
-                who: [entry for entry in now.entries if not entry.retracted and not entry.repeat]
+                who: [entry for entry in now.entries if entry.stands and not entry.repeat]
                 for who, now in found.items()
             }
             key = {

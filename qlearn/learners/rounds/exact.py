@@ -8,7 +8,7 @@ from elicit._support.fixed_order import product
 from elicit.model.comparator import Comparator
 from elicit.model.comparator_parts import best_guess
 from elicit.model.scale import Floats
-from qlearn.certificates.advantages import Advantages, advantages
+from qlearn.certificates.advantages import Advantages, advantages_over
 from qlearn.certificates.loss_bound import Guarantee, guarantee
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import optimal_policy
@@ -26,7 +26,7 @@ class ExactRounds:
     def __init__(self, mdp: OrdinalMDP, enough: float) -> None:
         self._mdp = mdp
         self._enough = enough
-        self._over: Advantages | None = None
+        self._advantages: Advantages | None = None
         self.rounds = 0  # policies solved for so far
 
     def round(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
@@ -34,34 +34,39 @@ class ExactRounds:
 
         The bound is inf if it exceeds what is enough.
         """
-        values, over = best_guess(comparator), self._over
-        if over is None or self._changes(over, values):
-            start = np.argmax(self._mdp.admissible, axis=1) if over is None else over.policy
-            over = advantages(self._mdp, optimal_policy(self._mdp, values, start))
-        self._over, self.rounds = over, self.rounds + 1
-        return over, guarantee(self._mdp, over, comparator, self._enough)
+        values, advantages = best_guess(comparator), self._advantages
+        if advantages is None or self._changes(advantages, values):
+            start = (
+                np.argmax(self._mdp.admissible, axis=1) if advantages is None else advantages.policy
+            )
+            advantages = advantages_over(self._mdp, optimal_policy(self._mdp, values, start))
+        self._advantages, self.rounds = advantages, self.rounds + 1
+        return advantages, guarantee(self._mdp, advantages, comparator, self._enough)
 
     @staticmethod
-    def _changes(over: Advantages, values: Floats) -> bool:
+    def _changes(advantages: Advantages, values: Floats) -> bool:
         """Return whether ``optimal_policy`` would find another policy for this scale.
 
         It does if an action is better than the policy's, or as good and earlier in order.
         """
-        gain = product(over.d, values)
+        gain = product(advantages.d, values)
         return bool(
-            ((gain > _TIE) | ((gain >= -_TIE) & (over.actions < over.policy[over.states]))).any()
+            (
+                (gain > _TIE)
+                | ((gain >= -_TIE) & (advantages.actions < advantages.policy[advantages.states]))
+            ).any()
         )
 
     def look_further(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
         """Return the same without solving again: a round has already looked at everything."""
-        over = self.everything()
-        return over, guarantee(self._mdp, over, comparator, self._enough)
+        advantages = self.everything()
+        return advantages, guarantee(self._mdp, advantages, comparator, self._enough)
 
     def everything(self) -> Advantages:
         """Return all advantages over the current policy."""
-        assert self._over is not None, "no round yet"
-        return self._over
+        assert self._advantages is not None, "no round yet"
+        return self._advantages
 
-    def some_of(self, over: Advantages) -> Advantages:
+    def some_of(self, advantages: Advantages) -> Advantages:
         """Return the advantages from which audits are drawn: all of them."""
-        return over
+        return advantages

@@ -12,12 +12,10 @@ from elicit.model.comparator import Comparator
 from elicit.model.comparator_parts import best_guess
 from elicit.model.difference import tail_sums
 from elicit.model.scale import Floats
-from qlearn.certificates.advantages import Advantages, advantages
+from qlearn.certificates.advantages import Advantages, advantages_over
 from qlearn.certificates.box_bounds import bounds_of_many
-from qlearn.certificates.collected_total import collected
 from qlearn.certificates.drawn_losses import most_of
-from qlearn.certificates.drawn_scales import drawn_set, draws_of
-from qlearn.certificates.loss_bound import Guarantee, guarantee
+from qlearn.certificates.loss_bound import Guarantee, collected, drawn_set, draws_of, guarantee
 from qlearn.learners.rounds.tuning import TUNING
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import backed_up, rewarded
@@ -59,7 +57,7 @@ class SampledRounds:
         ):
             self._solve(best_guess(comparator))
             sample = self._sample()
-            self._pool = advantages(self._mdp, self._kept(), self._v, sample)
+            self._pool = advantages_over(self._mdp, self._kept(), self._v, sample)
             if not self._too_much(self._pool, comparator):
                 return self.look_further(comparator)
         return self._pool, Guarantee(np.inf, np.nan)
@@ -77,12 +75,12 @@ class SampledRounds:
     def everything(self) -> Advantages:
         """Return all advantages over the current policy."""
         if self._all is None:
-            self._all = advantages(self._mdp, self._kept(), self._v)
+            self._all = advantages_over(self._mdp, self._kept(), self._v)
         return self._all
 
-    def some_of(self, over: Advantages) -> Advantages:
+    def some_of(self, advantages: Advantages) -> Advantages:
         """Return the advantages from which audits are drawn: those of a sample of the states."""
-        return advantages(self._mdp, self._kept(), self._v, self._sample())
+        return advantages_over(self._mdp, self._kept(), self._v, self._sample())
 
     def _kept(self) -> NDArray[np.int64]:
         """Return the current policy."""
@@ -115,14 +113,14 @@ class SampledRounds:
         rng = np.random.default_rng((self._key, self.rounds))
         return np.sort(rng.choice(n, min(n, TUNING.sample), replace=False))
 
-    def _too_much(self, over: Advantages, comparator: Comparator) -> bool:
+    def _too_much(self, advantages: Advantages, comparator: Comparator) -> bool:
         """Return whether too many draws refute the bound.
 
         A draw refutes it if some alternative, taken once, gains more than ``enough``. Then no bound
         can be small enough, and these alternatives are the ones to ask about.
         """
         draws, trusted = draws_of(comparator), drawn_set(comparator)
-        scores = product(tail_sums(over.d), draws.gaps)
+        scores = product(tail_sums(advantages.d), draws.gaps)
         too_much = scores > self._enough
         too_much[scores.min(axis=1) >= 0] = (
             False  # all draws agree on these, so that the next policy takes them
@@ -142,14 +140,14 @@ class SampledRounds:
             within = self._error * (1 - mdp.discount)
             self._v = nearly_valued(mdp, self._kept(), self._v, within)
             self._all, self._is_rough = None, False
-        over = self.everything()
+        advantages = self.everything()
         if trusted is None:
-            high, confidence = bounds_of_many(comparator, over.d)
-            self._total = collected(mdp, over, high, self._total, self._error)
+            high, confidence = bounds_of_many(comparator, advantages.d)
+            self._total = collected(mdp, advantages, high, self._total, self._error)
             found = Guarantee(float(self._total.max(initial=0.0)), confidence)
         else:
-            found = guarantee(mdp, over, comparator, self._enough)
-            high = most_of(over.d, trusted[0].gaps, axis=1)
+            found = guarantee(mdp, advantages, comparator, self._enough)
+            high = most_of(advantages.d, trusted[0].gaps, axis=1)
         rows = np.argsort(-high, kind="stable")[: TUNING.pool]
-        self._pool = over.only(np.sort(rows))
+        self._pool = advantages.only(np.sort(rows))
         return self._pool, found

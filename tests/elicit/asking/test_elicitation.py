@@ -28,7 +28,13 @@ from elicit import (
     Verdict,
 )
 from elicit.asking.elicitation import Elicitation, Pair
-from elicit.asking.elicitation_kernel import NO_FACT, AskingRule, Facts, judge_pair, settle
+from elicit.asking.elicitation_kernel import (
+    NO_FACT,
+    AskingRule,
+    Facts,
+    decide_by_facts,
+    decide_pair,
+)
 from elicit.decision.comparator_rule import rule_of
 from elicit.model.comparator import BY_ANSWERS
 from elicit.model.difference_kernel import UNSETTLED
@@ -68,7 +74,7 @@ def put(
 
 def judged(asked_by: Elicitation, *rows: Floats) -> list[tuple[int, int, bool]]:
     """Verdict and tier of each row, and whether the tutor is only to confirm it."""
-    verdicts, tiers = asked_by.judge(np.stack(rows))
+    verdicts, tiers = asked_by.decide(np.stack(rows))
     return list(
         zip(verdicts.tolist(), tiers.tolist(), audited(verdicts, tiers).tolist(), strict=True)
     )
@@ -132,7 +138,7 @@ def asking(
     audit: float = 0.0, guess: int = UNKNOWN, said: int = UNKNOWN, bound: bool = False
 ) -> AskingRule:
     """A rule under which the pair OPEN was answered, or not."""
-    rule = elicitation(audit=audit, indifference=1e-6).rule()
+    rule = elicitation(audit=audit, indifference=1e-6).asking_rule()
     told = elicitation()
     put(told, EQUAL)
     gaps = {
@@ -141,11 +147,13 @@ def asking(
         WORSE: np.eye(K - 1)[0],
         EQUAL: np.zeros(K - 1),
     }[guess]
-    table = told.rule().answered
+    table = told.asking_rule().answered
     if said != UNKNOWN or bound:
         table.said[:1], table.binding[:1] = EQUAL if said == UNKNOWN else said, bound
         rule = rule._replace(answered=table)
-    return rule._replace(key=told.rule().key, unclear=True, guess=gaps, plain=not (audit or bound))
+    return rule._replace(
+        key=told.asking_rule().key, unclear=True, guess=gaps, plain=not (audit or bound)
+    )
 
 
 def test_what_settles_a_pair_and_in_which_order() -> None:
@@ -168,7 +176,7 @@ def test_what_settles_a_pair_and_in_which_order() -> None:
             rule = asking(float(drawn), guess, said, bound)
             facts = Facts(int(verdict), int(tier), int(unclear), int(EQUAL if close else UNKNOWN))
             with np.errstate(all="ignore"):
-                found = settle(tail_sums(OPEN).copy(), rule, facts)
+                found = decide_by_facts(tail_sums(OPEN).copy(), rule, facts)
             wanted = policy(verdict, tier, bound, said, drawn and not bound, unclear, close, guess)
             assert (found.verdict, found.tier) == wanted
             assert found.needed == NO_FACT
@@ -209,17 +217,17 @@ def test_arrays_single_pairs_and_loops_agree(
     for row, verdict in enumerate(answers):
         put(asked_by, verdict, d[row], drop=True, place=(row,))
     d = np.concatenate([d, -d[:6]])
-    together = asked_by.judge(d, lambda row: (row % 7,))
-    rule, asks = rule_of(asked_by.comparator), asked_by.rule()
+    together = asked_by.decide(d, lambda row: (row % 7,))
+    rule, asks = rule_of(asked_by.comparator), asked_by.asking_rule()
     for i, (verdict, tier) in enumerate(zip(*together, strict=True)):
-        alone = asked_by.judge(d[i : i + 1], lambda row, i=i: (i % 7,))  # type: ignore[misc]
+        alone = asked_by.decide(d[i : i + 1], lambda row, i=i: (i % 7,))  # type: ignore[misc]
         assert alone.verdicts[0] == verdict
         assert same(alone.tiers[0], tier)
         t = tail_sums(d[i]).copy()
         if dominance(t) != UNKNOWN:
             continue
         with np.errstate(all="ignore"):
-            found = judge_pair(d[i], t, np.empty(K - 1), np.empty(K - 1), rule, asks)
+            found = decide_pair(d[i], t, np.empty(K - 1), np.empty(K - 1), rule, asks)
         if found.verdict != UNSETTLED:
             assert found.verdict == verdict
             assert same(found.tier, tier)
@@ -304,7 +312,7 @@ def test_where_the_tutor_cannot_tell_the_user_says_what_holds(undecided: Verdict
     put(asked_by, None, place=("here",))
     near = OPEN + np.array([0.0, 1e-3, -1e-3, 0.0, 0.0])
     assert judged(asked_by, OPEN, -OPEN)[0][:2] == (undecided, Tier.KNOWN)
-    at = asked_by.judge(np.stack([near, near]), lambda row: [("here",), ("there",)][row])
+    at = asked_by.decide(np.stack([near, near]), lambda row: [("here",), ("there",)][row])
     assert at.verdicts.tolist() == [EQUAL, UNKNOWN]
     assert at.tiers.tolist() == [Tier.KNOWN, Tier.TUTOR]
     assert asked_by.may_ask(
@@ -357,7 +365,7 @@ def test_the_share_of_audits_is_as_stated_and_answered_pairs_are_left_out() -> N
     comparator, d = TAUGHT["polytope"], differences(3000)
     counts = {}
     for share in (0.0, 0.2, 1.0):
-        settled = elicitation(comparator, audit=share).judge(d)
+        settled = elicitation(comparator, audit=share).decide(d)
         counts[share] = audited(*settled)
         assert np.isin(settled.tiers[counts[share]], BY_ANSWERS).all()
     every, fifth = counts[1.0].sum(), counts[0.2].sum()
@@ -403,7 +411,7 @@ def test_an_audit_s_answer_counts_but_the_model_has_the_last_word(
 def test_what_the_user_acted_on_is_counted_and_shown() -> None:
     asked_by, seen = elicitation(), []
     asked_by.watch = lambda d, decisions: seen.append((d.tolist(), decisions.verdicts.tolist()))
-    found = asked_by.judge(np.stack([OPEN, np.eye(K)[4] - np.eye(K)[0], np.zeros(K)]))
+    found = asked_by.decide(np.stack([OPEN, np.eye(K)[4] - np.eye(K)[0], np.zeros(K)]))
     assert asked_by.counts.sum() == 0
     asked_by.commit(
         np.stack([np.eye(K)[4] - np.eye(K)[0]]), Decisions(found.verdicts[1:2], found.tiers[1:2])
@@ -425,7 +433,7 @@ def test_an_oracle_answers_what_is_left_without_limit() -> None:
     asked_by.signs = tutor.signs
     d = differences(50)
     open_rows = Dominance(K).compare(d) == UNKNOWN
-    found = asked_by.judge(d)
+    found = asked_by.decide(d)
     assert (
         found.verdicts[open_rows] == FlippingTutor(VALUES, 0.2, seed=0).signs(d[open_rows])
     ).all()

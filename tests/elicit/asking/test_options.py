@@ -57,7 +57,7 @@ def test_every_asker_takes_every_option_and_hands_it_on(name: str) -> None:
     assert asks.batch == 2
     assert asks.indifference == 0.01
     assert asks.audits_left == 3
-    assert asks.rule().audit == 0.5
+    assert asks.asking_rule().audit == 0.5
     queries = asker.ask()
     assert all(query.labels == ("bad", "poor", "fair", "good") for query in queries)
     assert name == "Elicitation" or asker.seed == 5

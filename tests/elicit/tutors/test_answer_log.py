@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from elicit import Answer, AnswerLog, BadLog, Query, Verdict
 from elicit.tutors import log_file
 from elicit.tutors.answer_log import Asked
-from elicit.tutors.log_lines import with_check
+from elicit.tutors.log_file import with_check
 from tests.interruptions import interrupted_at_each_line
 from tests.thoroughness import examples, thorough
 

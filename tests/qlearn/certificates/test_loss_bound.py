@@ -26,10 +26,9 @@ from qlearn import (
     random_mdp,
     value_iteration,
 )
-from qlearn.certificates.advantages import advantages
+from qlearn.certificates.advantages import advantages_over
 from qlearn.certificates.box_bounds import bounds_of_many
-from qlearn.certificates.drawn_scales import drawn_set, draws_of
-from qlearn.certificates.loss_bound import guarantee
+from qlearn.certificates.loss_bound import drawn_set, draws_of, guarantee
 from qlearn.learners.query_strategies import most_even_cut
 from tests.mdp_cases import losses_under, messy_mdp
 from tests.thoroughness import examples, scaled
@@ -59,11 +58,11 @@ def test_a_bound_can_be_had_for_any_policy():
 )
 def test_an_error_in_the_values_counts_in_every_step(comparator):
     mdp, values = random_mdp(15, 3, 4, discount=0.9, rng=8)
-    over = advantages(mdp, value_iteration(mdp, values)[1])
-    assert over.doubt < 1e-12
+    advantages = advantages_over(mdp, value_iteration(mdp, values)[1])
+    assert advantages.doubt < 1e-12
     exact, rough = (
-        guarantee(mdp, over._replace(doubt=doubt), comparator).loss_bound
-        for doubt in (over.doubt, 0.002)
+        guarantee(mdp, advantages._replace(doubt=doubt), comparator).loss_bound
+        for doubt in (advantages.doubt, 0.002)
     )
     assert 0 < exact < 0.9
     assert rough - exact == pytest.approx(0.002 / (1 - 0.9), abs=1e-9)
@@ -88,7 +87,7 @@ def test_the_bound_holds_for_values_made_wrong_on_purpose(comparator, wrong):
         )
         v = evaluate_policy(mdp, policy)
         v[live] = (1 - wrong) * v[live] + wrong * rng.dirichlet(np.ones(3), int(live.sum()))
-        bound = guarantee(mdp, advantages(mdp, policy, v), comparator).loss_bound
+        bound = guarantee(mdp, advantages_over(mdp, policy, v), comparator).loss_bound
         gaps = (
             PolytopeComparator(3).draws.gaps
             if drawn_set(comparator) is None
@@ -104,13 +103,15 @@ def test_an_error_counts_where_it_flatters_the_policy_and_where_it_belittles_the
     successors, levels = [[[0], [1]], [[1], [1]]], [[0, 0], [1, 1]]
     ways = [[True, True], [True, False]]
     mdp = OrdinalMDP(successors, np.ones((2, 2, 1)), levels, 0.9, ("bad", "good"), admissible=ways)
-    over = advantages(mdp, [0, 0], np.full((2, 2), 0.5))
-    assert over.d[:, 1].tolist() == pytest.approx([-0.05])
+    advantages = advantages_over(mdp, [0, 0], np.full((2, 2), 0.5))
+    assert advantages.d[:, 1].tolist() == pytest.approx([-0.05])
     loss = policy_loss(mdp, np.array([0, 0]), [0, 1])
     np.testing.assert_allclose(loss, [0.9, 0.0], atol=1e-9)
     comparator = PolytopeComparator(2)
-    assert guarantee(mdp, over, comparator).loss_bound >= 0.9
-    assert guarantee(mdp, over._replace(doubt=over.doubt / 2), comparator).loss_bound < 0.9
+    assert guarantee(mdp, advantages, comparator).loss_bound >= 0.9
+    assert (
+        guarantee(mdp, advantages._replace(doubt=advantages.doubt / 2), comparator).loss_bound < 0.9
+    )
 
 
 @given(seed=some.integers(0, 10**6), k=some.integers(2, 12), tie=some.sampled_from([0.0, 0.01]))

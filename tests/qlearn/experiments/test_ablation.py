@@ -21,13 +21,12 @@ from qlearn import (
     policy_loss,
     random_mdp,
 )
-from qlearn.experiments import compile_ahead
-from qlearn.experiments import run as runs
-from qlearn.experiments.ablation import KEYS, ablate, summarise
+from qlearn.experiments import ablation as runs
+from qlearn.experiments import code_identity, compile_ahead
+from qlearn.experiments.ablation import KEYS, Run, ablate, run, summarise
 from qlearn.experiments.ablation_plot import LEGEND, NAMES, table
 from qlearn.experiments.catalogue import TAUGHT_WITH
 from qlearn.experiments.metrics import MEASURES
-from qlearn.experiments.run import Run, run
 from qlearn.experiments.settings import ORDER, TUTORS, AblationSettings, Settings
 from qlearn.learners.exploration import EXPLORATIONS
 from qlearn.problems import FAMILIES
@@ -313,7 +312,7 @@ def test_the_page_of_commands_lists_the_names_of_the_catalogue() -> None:
 
 def test_what_runs_do_not_depend_on_is_there() -> None:
     here = Path(runs.__file__).parents[1]
-    assert all((here / name).exists() for name in runs._NO_RUNS)
+    assert all((here / name).exists() for name in code_identity._NO_RUNS)
 
 
 def test_the_summary_has_means_and_t_intervals_and_its_table_says_all_cells_in_120_columns(

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from qlearn.experiments.ablation import ablate, plan_of
-from qlearn.experiments.factories import Own, own_of
+from qlearn.experiments.own_parts import Own, own_of
 from qlearn.experiments.settings import AblationSettings
 from tests.own_cases import exact, tiny
 from tests.sweep_cases import TINY

@@ -21,10 +21,10 @@ from elicit import (
 )
 from elicit.testing import check_comparator
 from qlearn import InteractivePolicyIteration, InteractiveValueIteration, drive
-from qlearn.experiments import run as runs
+from qlearn.experiments import ablation as runs
 from qlearn.experiments.ablation import ablate, summarise
 from qlearn.experiments.ablation_plot import NAMES, plot_ablation, table
-from qlearn.experiments.own_parts import Counted
+from qlearn.experiments.metrics import Counted
 from qlearn.experiments.settings import AblationSettings
 from tests.own_cases import Exact, careless, certified, exact, tiny
 from tests.scale_arithmetic import Floats

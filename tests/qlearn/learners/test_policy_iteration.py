@@ -45,9 +45,9 @@ from qlearn import (
 )
 from qlearn.certificates import advantages as advantages_module
 from qlearn.certificates import drawn_losses
-from qlearn.certificates.advantages import advantages
+from qlearn.certificates.advantages import advantages_over
 from qlearn.certificates.drawn_losses import loss_over_draws
-from qlearn.certificates.drawn_scales import drawn_set
+from qlearn.certificates.loss_bound import drawn_set
 from qlearn.learners import policy_iteration
 from qlearn.learners.rounds import sampled
 from qlearn.learners.rounds.tuning import TUNING
@@ -164,10 +164,10 @@ def test_the_loss_under_each_draw_is_that_of_solving_for_it(exact):
     assert quantile > 0.002  # else this would show little
     assert quantile - 1e-6 <= result.loss_bound <= 1.02 * quantile + 1e-6
     assert result.confidence == level
-    over = advantages(mdp, result.policy)
-    assert loss_over_draws(mdp, over, draws, level, enough=0.5 * quantile) > 0.5 * quantile
-    assert loss_over_draws(mdp, over, draws, level, enough=1.1 * quantile) <= 1.1 * quantile
-    assert loss_over_draws(mdp, over, draws, level=1 - 1e-12) >= exact.max() - 1e-6
+    advantages = advantages_over(mdp, result.policy)
+    assert loss_over_draws(mdp, advantages, draws, level, enough=0.5 * quantile) > 0.5 * quantile
+    assert loss_over_draws(mdp, advantages, draws, level, enough=1.1 * quantile) <= 1.1 * quantile
+    assert loss_over_draws(mdp, advantages, draws, level=1 - 1e-12) >= exact.max() - 1e-6
 
 
 @both_ways

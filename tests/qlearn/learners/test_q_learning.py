@@ -35,8 +35,8 @@ from qlearn import (
     random_mdp,
 )
 from qlearn.experiments.metrics import Watch
-from qlearn.learners import q_learning_kernel as kernel
 from qlearn.learners.exploration import Exploration
+from qlearn.learners.loops import q_learning_kernel as kernel
 from qlearn.learners.q_learning import polynomial_rate, rescaled_linear_rate
 from qlearn.reference import interactive_q_learning
 from tests.mdp_cases import messy_mdp

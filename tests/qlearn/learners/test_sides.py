@@ -6,7 +6,7 @@ import pytest
 import elicit
 import qlearn
 from elicit import Answer, AnswerLog, Query, Verdict
-from qlearn.learners.learner import exchanged
+from qlearn.learners.driving import exchanged
 from tests.scale_arithmetic import tail_sums
 
 MDP, VALUES = qlearn.random_mdp(20, 3, 5, seed=2)

@@ -39,8 +39,9 @@ from qlearn import (
     policy_loss,
     random_mdp,
 )
-from qlearn.learners import action_pair_kernel, state_sweep
-from qlearn.learners.action_pair_kernel import round_up
+from qlearn.learners import state_sweep
+from qlearn.learners.loops import action_pair_kernel
+from qlearn.learners.loops.action_pair_kernel import round_up
 from qlearn.reference import interactive_value_iteration
 from tests.interpreter import report_of
 from tests.mdp_cases import messy_mdp

@@ -16,14 +16,14 @@ from elicit.model.comparator import Tier
 from elicit.model.difference_kernel import BETTER, UNKNOWN, UNSETTLED
 from elicit.model.scale import Floats
 from elicit.tutors.simulated_kernel import NOBODY, respond
-from qlearn.learners.action_pair_kernel import (
+from qlearn.learners.loops.action_pair_kernel import (
     BY_TUTOR,
     OPEN,
     Judging,
     decide,
     difference,
-    glance,
     keep,
+    without_proof,
 )
 from qlearn.mdp.backup import MdpArrays, back_up_from
 
@@ -102,7 +102,7 @@ def sweep(states: Any, work: Work, model: MdpArrays, judging: Judging, out: Outc
                 row = s * m + a
                 if a == best or ends[row] == ends[row + 1]:
                     continue
-                verdict, tier = glance(
+                verdict, tier = without_proof(
                     difference(vectors, 0, a, best, d, t), row, t, dominance, plain, certificates
                 )
                 if tier == OPEN and turns:

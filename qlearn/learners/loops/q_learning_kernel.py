@@ -17,15 +17,15 @@ from elicit._support.jit import compiled
 from elicit.lp.sign_proofs import BY_DOMINANCE
 from elicit.model.difference_kernel import BETTER, UNKNOWN, UNSETTLED
 from elicit.tutors.simulated_kernel import NOBODY, respond
-from qlearn.learners.action_pair_kernel import (
+from qlearn.learners.loops.action_pair_kernel import (
     BY_TUTOR,
     OPEN,
     Judging,
     decide,
     difference,
     full,
-    glance,
     keep,
+    without_proof,
 )
 
 DONE, ASK, DEFER, FULL = range(4)
@@ -114,7 +114,7 @@ def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
                     if full(used, room, fill):
                         return FULL
                     row = s * m + challenger
-                    verdict, tier = glance(
+                    verdict, tier = without_proof(
                         difference(q, s, challenger, incumbent, d, t),
                         row,
                         t,

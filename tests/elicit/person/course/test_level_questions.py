@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from elicit import Answer, Answers, PolytopeComparator, PosteriorComparator, Query, Verdict
-from elicit.person.course.further import (
+from elicit.person.course.level_questions import (
     known_question,
     level_question,
     order_question,

@@ -1,6 +1,6 @@
 """The pair step of every compiled loop: a pair's difference, its verdict, and a record of both.
 
-``glance`` and ``decide`` are that step, for ``q_learning_kernel.advance`` and
+``without_proof`` and ``decide`` are that step, for ``q_learning_kernel.advance`` and
 ``state_sweep_kernel.sweep``. They are written out there: these loops hold some sixty arrays, and
 handing them over would take longer than most verdicts.
 
@@ -26,7 +26,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from elicit._support.jit import compiled, written_out
 from elicit.asking.elicitation import Elicitation
-from elicit.asking.elicitation_kernel import AskingRule, Judgement, judge_pair
+from elicit.asking.elicitation_kernel import AskingRule, Judgement, decide_pair
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.comparator_rule import Rule, outlasts_answers, rule_of
 from elicit.decision.judge_kernel import certifies
@@ -156,7 +156,7 @@ class PairJudge:
             oracle = tutor.respondent if isinstance(tutor, AnswersInLoops) else oracle
         return Judging(
             rule=rule,
-            asking=elicitation.rule(),
+            asking=elicitation.asking_rule(),
             oracle=oracle,
             certificates=self.certificates,
             kept=self._unwatched if elicitation.watch is None else self._watched,
@@ -229,7 +229,7 @@ class PairJudge:
 
 
 @written_out
-def glance(
+def without_proof(
     verdict: int, row: int, t: Any, dominance: bool, plain: bool, certificates: Certificates
 ) -> tuple[int, int]:
     """Decide a pair with tail sums t (p,) if that takes no proof. Return verdict and tier.
@@ -252,14 +252,14 @@ def glance(
 def decide(
     q: Any, s: int, a: int, b: int, row: int, d: Any, t: Any, judging: Judging
 ) -> tuple[int, int]:
-    """Decide a pair that ``glance`` has left open. Return verdict and tier.
+    """Decide a pair that ``without_proof`` has left open. Return verdict and tier.
 
     It goes by the comparator's rule, and by the tutor who can be asked within the loop. UNKNOWN is
     for Python to ask, and UNSETTLED for the elicitation to decide. If the tier is OPEN, hand over
     the stored comparisons, then call again. t is overwritten unless the tutor gives the verdict.
     """
     sums, least = np.empty(len(t)), np.empty(len(t))
-    judged = judge_pair(d, t, sums, least, judging.rule, judging.asking)
+    judged = decide_pair(d, t, sums, least, judging.rule, judging.asking)
     verdict, tier = certify(judged, least, row, judging.certificates)
     if verdict == UNKNOWN and judging.told.fill[ROOM] > 0:
         difference(q, s, a, b, d, t)
@@ -286,7 +286,7 @@ def difference(q: Any, s: int, a: int, b: int, d: Any, t: Any) -> int:
 
 @compiled
 def certify(judged: Judgement, least: Any, row: int, certificates: Certificates) -> tuple[int, int]:
-    """Return verdict and tier of a judgement by ``judge_pair``, and enter its certificate.
+    """Return verdict and tier of a judgement by ``decide_pair``, and enter its certificate.
 
     An audit becomes UNSETTLED, because Python has to see to it. If there is a certificate in
     ``least`` (p,), it is the row's from now on.
