@@ -59,6 +59,10 @@ class Status(Enum):
         "stopped at the limit of sweeps before converging: raise max_sweeps or the tolerance"
     )
     TRAINING_LIMIT = "stopped at the limit of trainings: raise max_trainings or the tolerance"
+    TIME_LIMIT = (
+        "stopped at the limit of seconds: loss_bound says how much may be lost; raise max_seconds "
+        "or the tolerance"
+    )
 
     @property
     def sentence(self) -> str:

@@ -5,8 +5,10 @@ It also bounds the loss of the best policy against policies that nobody has seen
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
+from time import thread_time
 from typing import Any, ClassVar, NamedTuple, Unpack
 
 import numpy as np
@@ -102,6 +104,12 @@ class InteractiveTraining:
         The simple questions that are asked when plain pairs run out. None: no such questions.
     max_trainings : int
         Largest number of trainings.
+    max_seconds : float, optional
+        Largest number of CPU seconds that it computes, in all its calls together. Trainings, the
+        tutor, and reading the result's ``loss_bound`` do not count. It is looked at between steps,
+        and a step that has begun is finished. At least one policy is trained. The status at the end
+        is then TIME_LIMIT, and ``loss_bound`` says what is proven of the best policy so far. With a
+        limit, where a run ends depends on the machine. Default: no limit.
     **asking
         The options of ``elicit.AskingOptions``. The seed picks the audits, which come at the end
         and are of pairs of policies. The default of ``indifference`` is half the tolerance.
@@ -144,6 +152,7 @@ class InteractiveTraining:
         strategy: Strategy | str = telling_violation,
         bags: Bags | None = Bags(),  # noqa: B008 (frozen)
         max_trainings: int = 40,
+        max_seconds: float | None = None,
         **asking: Unpack[AskingOptions],
     ) -> None:
         check_options(self, asking)
@@ -168,6 +177,12 @@ class InteractiveTraining:
             "max_trainings",
             "a whole number of at least 1",
             max_trainings,
+        )
+        require(
+            max_seconds is None or (is_number(max_seconds, 0) and max_seconds > 0),
+            "max_seconds",
+            "None or a number above 0",
+            max_seconds,
         )
         require(
             bags is None or isinstance(bags, Bags),
@@ -197,6 +212,8 @@ class InteractiveTraining:
         )
         self._strategy, self._bags = strategy_of(strategy), None if objectives is not None else bags
         self._most = int(max_trainings)
+        self._most_seconds = None if max_seconds is None else float(max_seconds)
+        self._seconds = 0.0  # CPU seconds computed in calls that have ended
         self._elicitation = Elicitation(
             comparator,
             f"training/{k}/{discount!r}/{tolerance!r}",
@@ -339,7 +356,8 @@ class InteractiveTraining:
         InconsistentAnswers
             Unless ``on_conflict="drop"``.
         """
-        _, dropped = self._elicitation.tell(answers, on_conflict)
+        with self._counted():
+            _, dropped = self._elicitation.tell(answers, on_conflict)
         self._next = None
         return dropped
 
@@ -392,19 +410,36 @@ class InteractiveTraining:
     def _advance(self) -> None:
         """Find the next step: a question, a training, or the end. Nothing is asked yet."""
         if self._next is None and not self._elicitation.pending:
-            self._next = self._find_next()
+            with self._counted() as late:
+                self._next = self._find_next(late)
 
-    def _find_next(self) -> Floats | _Question | Status:
+    @contextmanager
+    def _counted(self) -> Iterator[Callable[[], bool]]:
+        """Count the seconds within this context.
+
+        It gives a function that returns whether the time is over.
+        """
+        begun, before, most = thread_time(), self._seconds, self._most_seconds
+        try:
+            yield lambda: most is not None and before + thread_time() - begun >= most
+        finally:
+            self._seconds = before + thread_time() - begun
+
+    def _find_next(self, late: Callable[[], bool]) -> Floats | _Question | Status:
         """Return the scale to train on, the question to ask, or the status at the end."""
         comparator = self._elicitation.comparator
         centre = np.diff(best_guess(comparator))
         if not self._policies:
             return _values(centre)
+        if late():
+            return self._stopped(Status.TIME_LIMIT)
         at, shares, reach = self._best(), self._shares(), self._reach()
         unseen = reach.vectors - shares[at]
         loss, high, confidence = greatest_loss(unseen, comparator)
         if loss <= self.tolerance:
             return self._audit(shares, at) or self._converged(confidence)
+        if late():
+            return self._stopped(Status.TIME_LIMIT)
         spent = self._elicitation.spent
         others = np.delete(shares, at, axis=0) - shares[at]
         if (
@@ -433,7 +468,12 @@ class InteractiveTraining:
             return _values(gaps[:, int(np.argmax(gain))])
         if not spent and (pair := self._simple_pair(unseen[high > self.tolerance])) is not None:
             return _Question(pair)
-        return self._stopped(spent, missed)
+        if missed:
+            return self._stopped(Status.TRAINING_LIMIT)
+        if spent:
+            return self._stopped(Status.GUESSED)
+        called_equal = self._elicitation.called_equal
+        return self._stopped(Status.CALLED_EQUAL if called_equal else Status.EXHAUSTED)
 
     def _at_the_limit(self) -> bool:
         return sum(policy.trained_on is not None for policy in self._policies) >= self._most
@@ -529,14 +569,10 @@ class InteractiveTraining:
         )
         return Status.CONVERGED if found.loss_bound <= self.tolerance + ROUNDING else Status.SETTLED
 
-    def _stopped(self, spent: bool, missed: bool) -> Status:
-        if self.optimality_gap is not None and is_broken(self._policies, self.optimality_gap):
-            return Status.GAP_BROKEN
-        if missed:
-            return Status.TRAINING_LIMIT
-        if spent:
-            return Status.GUESSED
-        return Status.CALLED_EQUAL if self._elicitation.called_equal else Status.EXHAUSTED
+    def _stopped(self, why: Status) -> Status:
+        """Return the status of an end without a proof."""
+        broken = self.optimality_gap is not None and is_broken(self._policies, self.optimality_gap)
+        return Status.GAP_BROKEN if broken else why
 
 
 def _values(gaps: Floats) -> Floats:

@@ -2,6 +2,7 @@
 vouch for.
 """
 
+from itertools import count
 from time import process_time
 
 import numpy as np
@@ -275,6 +276,32 @@ def test_with_both_limits_spent_it_says_that_trainings_are_missing_and_not_that_
     assert run(enough, mdp, exact(mdp), TruthfulTutor(values)).status is Status.GUESSED
 
 
+def test_a_limit_of_seconds_ends_it_with_the_bound_proven_so_far(monkeypatch):
+    mdp, values = problem(6)
+    tutor, settings = TruthfulTutor(values), {"tolerance": 1e-3, "optimality_gap": 0.0}
+    free = run(training_of(PolytopeComparator(5), mdp, **settings), mdp, exact(mdp), tutor)
+    at_once = training_of(PolytopeComparator(5), mdp, **settings, max_seconds=1e-9)
+    first = run(at_once, mdp, exact(mdp), tutor)
+    assert (first.status, first.trained, first.asked) == (Status.TIME_LIMIT, 1, 0)
+    assert at_once.to_train() is None
+    assert at_once.ask() == ()
+    ends = []
+    for limit in (4.5, 12.5, 1e9):
+        clock = count().__next__  # each look at the clock takes a second
+        monkeypatch.setattr("qlearn.training.interactive_training.thread_time", clock)
+        training = training_of(PolytopeComparator(5), mdp, **settings, max_seconds=limit)
+        result = run(training, mdp, exact(mdp), tutor)
+        assert loss_of(mdp, result, values) <= result.loss_bound + 1e-9
+        assert result.confidence == 1.0
+        assert (result.answers.d == free.answers.d[: result.asked]).all()  # up to then the same
+        ends.append(result)
+    assert [end.status for end in ends] == [Status.TIME_LIMIT, Status.TIME_LIMIT, free.status]
+    steps = [end.asked + end.trained for end in ends]
+    assert 1 < steps[0] < steps[1] < steps[2] == free.asked + free.trained
+    assert ends[2].loss_bound == free.loss_bound < ends[0].loss_bound
+    assert "max_seconds" in Status.TIME_LIMIT.value
+
+
 def test_bags_come_where_plain_pairs_run_out():
     mdp, values = problem(6)
 
@@ -323,6 +350,8 @@ def test_what_it_cannot_use_it_refuses_with_a_sentence():
         ({"tolerance": 5}, "tolerance must be a share of the value range, .* not 5"),
         ({"optimality_gap": -0.1}, "optimality_gap must be None or"),
         ({"max_trainings": 0}, "max_trainings must be"),
+        ({"max_seconds": 0}, "max_seconds must be None or a number above 0, not 0"),
+        ({"max_seconds": np.nan}, "max_seconds must be"),
         ({"bags": 10}, "bags must be None or"),
         ({"labels": ["bad", "good"]}, "labels must be 3 names"),
         ({"labels": "abc"}, "labels must be 3 names, one a level, not 'abc'"),
