@@ -104,12 +104,6 @@ class InteractiveTraining:
         The simple questions that are asked when plain pairs run out. None: no such questions.
     max_trainings : int
         Largest number of trainings.
-    max_seconds : float, optional
-        Largest number of CPU seconds that it computes, in all its calls together. Trainings, the
-        tutor, and reading the result's ``loss_bound`` do not count. It is looked at between steps,
-        and a step that has begun is finished. At least one policy is trained. The status at the end
-        is then TIME_LIMIT, and ``loss_bound`` says what is proven of the best policy so far. With a
-        limit, where a run ends depends on the machine. Default: no limit.
     **asking
         The options of ``elicit.AskingOptions``. The seed picks the audits, which come at the end
         and are of pairs of policies. The default of ``indifference`` is half the tolerance.
@@ -134,6 +128,7 @@ class InteractiveTraining:
 
     The vertices of the reachable set grow fast in number. Where they would be too many, the first
     trainings stop counting (docs/beyond-tables.md says how many levels that leaves room for).
+    ``max_seconds`` limits the computing time.
     """
 
     needs: ClassVar[Needs] = Elicitation.needs | Needs(
@@ -152,7 +147,6 @@ class InteractiveTraining:
         strategy: Strategy | str = telling_violation,
         bags: Bags | None = Bags(),  # noqa: B008 (frozen)
         max_trainings: int = 40,
-        max_seconds: float | None = None,
         **asking: Unpack[AskingOptions],
     ) -> None:
         check_options(self, asking)
@@ -177,12 +171,6 @@ class InteractiveTraining:
             "max_trainings",
             "a whole number of at least 1",
             max_trainings,
-        )
-        require(
-            max_seconds is None or (is_number(max_seconds, 0) and max_seconds > 0),
-            "max_seconds",
-            "None or a number above 0",
-            max_seconds,
         )
         require(
             bags is None or isinstance(bags, Bags),
@@ -212,7 +200,7 @@ class InteractiveTraining:
         )
         self._strategy, self._bags = strategy_of(strategy), None if objectives is not None else bags
         self._most = int(max_trainings)
-        self._most_seconds = None if max_seconds is None else float(max_seconds)
+        self._most_seconds: float | None = None
         self._seconds = 0.0  # CPU seconds computed in calls that have ended
         self._elicitation = Elicitation(
             comparator,
@@ -237,6 +225,33 @@ class InteractiveTraining:
         return (
             f"InteractiveTraining({type(now.comparator).__name__}, k={now.comparator.k}, {counts})"
         )
+
+    @property
+    def max_seconds(self) -> float | None:
+        """Largest number of CPU seconds that it computes, in all its calls together.
+
+        None, the default, is no limit. It may be set at any time, and a training that the limit
+        ended goes on if it is raised. Seconds of the trainer, of the tutor, and of reading the
+        result's ``loss_bound`` do not count. The time is looked at between steps, and a step that
+        has begun is finished. At least one policy is trained.
+
+        The status at the end is then TIME_LIMIT, and the result's ``loss_bound`` says what is
+        proven of the best policy so far. With a limit, where a run ends depends on the machine.
+
+        Raises
+        ------
+        ValueError
+            When set to anything but None or a number above 0.
+        """
+        return self._most_seconds
+
+    @max_seconds.setter
+    def max_seconds(self, seconds: float | None) -> None:
+        fits = seconds is None or (is_number(seconds, 0) and seconds > 0)
+        require(fits, "max_seconds", "None or a number above 0", seconds)
+        self._most_seconds = None if seconds is None else float(seconds)
+        if self._next is Status.TIME_LIMIT:
+            self._next = None
 
     @one_thread
     def to_train(self) -> Floats | None:

@@ -280,16 +280,22 @@ def test_a_limit_of_seconds_ends_it_with_the_bound_proven_so_far(monkeypatch):
     mdp, values = problem(6)
     tutor, settings = TruthfulTutor(values), {"tolerance": 1e-3, "optimality_gap": 0.0}
     free = run(training_of(PolytopeComparator(5), mdp, **settings), mdp, exact(mdp), tutor)
-    at_once = training_of(PolytopeComparator(5), mdp, **settings, max_seconds=1e-9)
+    at_once = training_of(PolytopeComparator(5), mdp, **settings)
+    assert at_once.max_seconds is None
+    at_once.max_seconds = 1e-9
     first = run(at_once, mdp, exact(mdp), tutor)
     assert (first.status, first.trained, first.asked) == (Status.TIME_LIMIT, 1, 0)
     assert at_once.to_train() is None
     assert at_once.ask() == ()
+    at_once.max_seconds = None
+    assert not at_once.finished
+    assert run(at_once, mdp, exact(mdp), tutor).status is free.status  # it goes on
     ends = []
     for limit in (4.5, 12.5, 1e9):
         clock = count().__next__  # each look at the clock takes a second
         monkeypatch.setattr("qlearn.training.interactive_training.thread_time", clock)
-        training = training_of(PolytopeComparator(5), mdp, **settings, max_seconds=limit)
+        training = training_of(PolytopeComparator(5), mdp, **settings)
+        training.max_seconds = limit
         result = run(training, mdp, exact(mdp), tutor)
         assert loss_of(mdp, result, values) <= result.loss_bound + 1e-9
         assert result.confidence == 1.0
@@ -350,8 +356,6 @@ def test_what_it_cannot_use_it_refuses_with_a_sentence():
         ({"tolerance": 5}, "tolerance must be a share of the value range, .* not 5"),
         ({"optimality_gap": -0.1}, "optimality_gap must be None or"),
         ({"max_trainings": 0}, "max_trainings must be"),
-        ({"max_seconds": 0}, "max_seconds must be None or a number above 0, not 0"),
-        ({"max_seconds": np.nan}, "max_seconds must be"),
         ({"bags": 10}, "bags must be None or"),
         ({"labels": ["bad", "good"]}, "labels must be 3 names"),
         ({"labels": "abc"}, "labels must be 3 names, one a level, not 'abc'"),
@@ -361,6 +365,9 @@ def test_what_it_cannot_use_it_refuses_with_a_sentence():
         with pytest.raises(ValueError, match=message):
             InteractiveTraining(comparator, **{"discount": 0.9, **settings})
     training = InteractiveTraining(comparator, discount=0.9)
+    for seconds in (0, -1, np.nan, "ten"):
+        with pytest.raises(ValueError, match="max_seconds must be None or a number above 0, not"):
+            training.max_seconds = seconds
     result = training.result()
     assert (result.policy, result.status) == (None, Status.TRAINING)
     assert np.isnan(result.loss_bound)
