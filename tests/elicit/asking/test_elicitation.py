@@ -320,7 +320,7 @@ def test_where_the_tutor_cannot_tell_the_user_says_what_holds(undecided: Verdict
     ).tolist() == [False, True]
     assert judged(asked_by, near) == [(UNKNOWN, Tier.TUTOR, False)], "of no place"
     put(asked_by, BETTER, OTHER, place=("there",))  # where the tutor can tell
-    at = asked_by.judge(near[None], lambda _: ("there",))
+    at = asked_by.decide(near[None], lambda _: ("there",))
     assert (at.verdicts.tolist(), at.tiers.tolist()) == ([UNKNOWN], [Tier.TUTOR])
 
 
