@@ -28,6 +28,8 @@ from qlearn.experiments.parallel import Cell, sweep
 ROWS = Path(__file__).parent / "rows.csv.xz"
 KEY = ("problem", "tutor", "seed", "method")
 TIMED = "seconds"
+OURS = "ours: "  # how the names of our methods begin
+MAY_DIFFER = 0.05  # share of the sample: rows of others, on another kind of processor
 PARTS = ("held_out", "confirmation", "development")
 
 
@@ -108,10 +110,12 @@ def load(part: str = "held_out") -> pd.DataFrame:
     return frame
 
 
-def check(count: int) -> int:
+def check(count: int) -> tuple[int, int]:
     """Repeat a sample of the committed rows; return how many differ in anything but seconds.
 
-    Rows of methods whose packages are not installed are left out of it.
+    The first number is of our methods, which are the same on every processor, and the second of the
+    others. Some of these choose by what LAPACK computes, which rounds otherwise on another kind of
+    processor. Rows of methods whose packages are not installed are left out of the sample.
     """
     frame = pd.read_csv(ROWS)
     playable = frame["method"].map(lambda name: METHODS[str(name)].playable)
@@ -126,16 +130,17 @@ def check(count: int) -> int:
     ]
     chosen = frame.iloc[pd.Series(order).sort_values(kind="stable").index[:count]]
     questions = max(int(str(name).split()[1]) for name in frame if str(name).startswith("worst"))
-    other = 0
+    other = {True: 0, False: 0}
     for row in chosen.to_dict("records"):
         cell = {name: row[name] for name in KEY} | {"questions": questions}
         again = flat(cell, run(cell))
         differs = [name for name in again if name != TIMED and again[name] != row[name]]
-        other += bool(differs)
+        other[str(row["method"]).startswith(OURS)] += bool(differs)
         said = f"differs in {', '.join(map(str, differs))}" if differs else "same"
         print(" | ".join(str(row[name]) for name in KEY), said, sep=": ", flush=True)
-    print(f"{count - other} of {count} rows are the same in every digit but their seconds")
-    return other
+    same = count - sum(other.values())
+    print(f"{same} of {count} rows are the same in every digit but their seconds")
+    return other[True], other[False]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -154,7 +159,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, help="where to write the rows, and rows.stamp beside")
     given = parser.parse_args(arguments)
     if given.check is not None:
-        return int(check(given.check) > 0)
+        ours, others = check(given.check)
+        return int(ours > 0 or others > MAY_DIFFER * given.check)
     from benchmarks.contest import run as here  # the name that workers and the journal know
 
     plan = problems.plan()
