@@ -20,6 +20,13 @@ from typing import Any, NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 EVERYWHERE = ("elicit", "qlearn")  # the numbers of every page are of the code in these folders
+ASIDE = (  # but not of these, unless pages.toml names them: screens, commands, words and checks
+    "elicit/person",
+    "elicit/testing.py",
+    "qlearn/cli",
+    "qlearn/problems/families/words.py",
+    "qlearn/warm_up.py",
+)
 _BEFORE = "Made before pages were stamped"
 _LINE = re.compile(
     rf"^(?:Made on (\S+)|{_BEFORE},) by `([^`]*)`(?:; seeds (.*); sources (\w+))?\.$", re.MULTILINE
@@ -102,13 +109,15 @@ def sources(program: str) -> str:
     Returns
     -------
     str
-        The hash of the code in elicit/, qlearn/, the program's own folder, and what pages.toml
-        names beside them. For a notebook: of elicit/, qlearn/, the code of its cells, and the
-        tables in notebooks/data that they name. Comments and docstrings do not count.
+        The hash of the code in elicit/ and qlearn/ but for what is ``ASIDE``, of the program's own
+        folder, and of what pages.toml names beside them. For a notebook: of elicit/, qlearn/, the
+        code of its cells, and the tables in notebooks/data that they name. Comments and docstrings
+        do not count.
     """
     digest = hashlib.blake2b(digest_size=5)
-    places = [*EVERYWHERE]
+    places, aside = [*EVERYWHERE], {*ASIDE}
     if program.endswith(".ipynb"):
+        aside.clear()
         cells = json.loads((ROOT / program).read_text(encoding="utf-8"))["cells"]
         code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
         digest.update(_bare(code))
@@ -119,10 +128,14 @@ def sources(program: str) -> str:
         places.append(f"{path}.py" if path.parent == Path("benchmarks") else str(path.parent))
         for page in manifest():
             places += page.get("sources", []) if page["command"].split()[0] == program else []
+        aside -= {*places}
     for place in dict.fromkeys(places):
         path = ROOT / place
         for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
-            digest.update(file.relative_to(ROOT).as_posix().encode())
+            name = file.relative_to(ROOT).as_posix()
+            if any(f"{name}/".startswith(f"{each}/") for each in aside):
+                continue
+            digest.update(name.encode())
             digest.update(_code_of(file, file.stat().st_mtime_ns))
     return digest.hexdigest()
 

@@ -1,5 +1,6 @@
 """A page says how it was made, and of which sources: what counts among them, and what does not."""
 
+import ast
 import json
 import re
 import sys
@@ -7,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+import elicit
+import qlearn
 from benchmarks import evidence, stamps
 from benchmarks.evidence import PAGES, ROOT, Page
 from benchmarks.stamps import Stamp
@@ -54,6 +57,8 @@ def project(tmp_path, monkeypatch):
         "elicit/near.py": "two = 2  # that\n",
         "qlearn/mdp/far.py": "three = 3\n",
         "benchmarks/fitting/other.py": "four = 4\n",
+        "elicit/person/screen.py": "five = 5\n",
+        "elicit/testing.py": "six = 6\n",
     }
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(exist_ok=True, parents=True)
@@ -84,6 +89,12 @@ def test_the_code_of_a_program_is_that_of_its_folder_and_of_what_the_manifest_na
     assert changed(project / "benchmarks/fitting/other.py", "4", "7") == first
     assert changed(project / "benchmarks/asking/program.py", "What it is", "Words") == first
     assert changed(project / "elicit/near.py", "# that", "# this") == first
+    assert changed(project / "elicit/person/screen.py", "5", "7") == first
+    assert changed(project / "elicit/testing.py", "6", "7") == first
+    named = project / "benchmarks" / "pages.toml"
+    named.write_text(named.read_text().replace('["', '["elicit/person", "'))
+    first = stamps.sources("benchmarks.asking.program")
+    assert changed(project / "elicit/person/screen.py", "5", "7") != first
     (project / "elicit" / "new.py").write_text("")
     assert stamps.sources("benchmarks.asking.program") != first
 
@@ -102,6 +113,45 @@ def test_a_program_imports_no_folder_of_benchmarks_that_is_not_among_its_sources
             found = {*other.findall(file.read_text(encoding="utf-8"))}
             folders = {name for name in found if (ROOT / "benchmarks" / name).is_dir()}
             assert folders <= {file.parent.name, *(Path(each).name for each in page.sources)}
+
+
+def test_no_number_comes_from_code_that_is_set_aside():
+    """But in a program whose page names that code in the manifest."""
+    aside = [each.removesuffix(".py").replace("/", ".") for each in stamps.ASIDE]
+    assert all((ROOT / each).exists() for each in stamps.ASIDE)
+
+    def is_aside(module: str) -> bool:
+        return any(f"{module}.".startswith(f"{each}.") for each in aside)
+
+    found = set()
+    for folder in ("elicit", "qlearn", "benchmarks"):
+        for file in sorted((ROOT / folder).rglob("*.py")):
+            name = file.relative_to(ROOT).with_suffix("").as_posix().replace("/", ".")
+            if file.name != "__init__.py" and not is_aside(name):
+                found |= {name for module in imported(file) if is_aside(module)}
+    assert found == {
+        "benchmarks.asking.person_sessions",  # the manifest names it
+        "benchmarks.quotes",  # writes the help of commands into the docs
+        "qlearn.__main__",
+    }
+
+
+def imported(file: Path) -> set[str]:
+    """The modules that a file imports, be it by a public name of elicit or qlearn."""
+    found = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            found |= {node.module} | {f"{node.module}.{each.name}" for each in node.names}
+        elif isinstance(node, ast.Import):
+            found |= {each.name for each in node.names}
+        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            found.add(f"{node.value.id}.{node.attr}")
+    public = {
+        f"{package.__name__}.{name}": module
+        for package in (elicit, qlearn)
+        for name, module in (package._LATER | package._MODULES).items()
+    }
+    return found | {public[name] for name in found & {*public}}
 
 
 def test_a_notebook_is_of_its_cells_and_of_the_tables_that_it_reads(tmp_path, monkeypatch):
