@@ -21,14 +21,15 @@ from elicit._support.closing import Closing
 from elicit.model.query import Answer, Query, Verdict
 from elicit.person.asker import AfterAnswer, Asker, Supposed, tell
 from elicit.person.background import Background, MadeAhead, Turns
-from elicit.person.course.conduct import LEAST_CHECKS, Pace
+from elicit.person.course.choices import Choices
+from elicit.person.course.conduct import LEAST_CHECKS
 from elicit.person.course.consequences import Consequences
 from elicit.person.course.level_questions import LEVEL
-from elicit.person.drawing import MINUTES, Subject
-from elicit.person.next_question import NextQuestion
+from elicit.person.course.pace import Pace
+from elicit.person.drawing import MINUTES, Drawing
 from elicit.person.outlook import Outlook, Prospects
 from elicit.person.session import Session
-from elicit.person.showing import Shown
+from elicit.person.showing import Shown, Subject, shown_of
 from elicit.tutors.answer_log import REPEATS
 
 _FURTHER = "This question makes sure that the result does not depend on too few answers."
@@ -150,24 +151,34 @@ class Company(Closing):
         self._background.close()
 
 
-class Beside(NextQuestion):
+class Beside(Closing):
     """Computes beside the screens of an interview.
+
+    The messages that read what it found do not wait for one that is being answered.
 
     Parameters
     ----------
     session : Session
     subject : Subject
+    chosen : Choices
+        The person's choices, which may change.
+    drawing : Drawing
     company : Company
         What it shares with other interviews.
     """
 
-    def __init__(self, session: Session, subject: Subject, company: Company) -> None:
-        super().__init__(session, subject)
-        self._lock = threading.RLock()
+    def __init__(
+        self,
+        session: Session,
+        subject: Subject,
+        chosen: Choices,
+        drawing: Drawing,
+        company: Company,
+    ) -> None:
+        self._session, self._subject = session, subject
+        self._chosen, self._drawing = chosen, drawing
         self._company = company
         self._background = Background(company.turns)
-        self._started = bool(session.log.standing)
-        self._put: str | None = None  # id of the query that was logged last as shown
         self._beside: _Computed | None = None
         self._prospects: Prospects | None = None
         self._pace = Pace()  # then: whoever does not hold the lock may not read the log
@@ -176,7 +187,19 @@ class Beside(NextQuestion):
         self._put_so_far = 0  # questions, and checks, before this one
         self._needed = (0, 0)  # answers and checks that must still come after this question
 
-    def _foresee(self) -> None:
+    def start(self, steps: Iterator[None]) -> None:
+        """Compute steps in place of what is computed now."""
+        self._background.start(steps)
+
+    def stop(self) -> None:
+        """Give up what is computed now."""
+        self._background.stop()
+
+    def close(self) -> None:
+        """Give up what is computed now, and wait until no thread is left."""
+        self._background.close()
+
+    def foresee(self) -> None:
         """Start to compute what each budget will likely prove."""
         if self._prospects is None and (twin := self._session.twin()) is not None:
             self._pace = pace = Pace.of(self._session.log)
@@ -185,13 +208,19 @@ class Beside(NextQuestion):
             prospects = Prospects(twin, numbers, subject.seed, self._ends, subject.enough)
             self._prospects = self._company.foresee(prospects, self._background)
 
-    def _prospects_so_far(self) -> dict[str, Any]:
-        """Return what the budgets will likely prove, without taking the lock."""
+    def prospects(self, started: bool) -> dict[str, Any]:
+        """Return what the budgets will likely prove, as far as it is known.
+
+        Parameters
+        ----------
+        started : bool
+            True if the person has left the welcome.
+        """
         now = self._prospects
         if now is None:
             return {"budgets": [], "settled": "", "ready": True}
-        # once somebody has started, the computation is given up
-        ready, length = now.ready or self._started, now.length()
+        # once the person has started, the computation is given up
+        ready, length = now.ready or started, now.length()
         settled = ""
         if length is not None:
             most = max(length, self._subject.least + LEAST_CHECKS)
@@ -200,17 +229,12 @@ class Beside(NextQuestion):
                 f"{in_minutes(self._pace.minutes_for(most))}."
             )
         return {
-            "budgets": [self._in_prospect(found) for found in now.found()],
+            "budgets": [self._drawing.in_prospect(found) for found in now.found()],
             "settled": settled,
             "ready": ready,
         }
 
-    def _first_question(self) -> Iterator[None]:
-        with self._lock:
-            self._session.question()
-        yield
-
-    def _weigh(self, conflict: Mapping[str, Any]) -> None:
+    def weigh(self, conflict: Mapping[str, Any]) -> None:
         """Start to compute what each choice in a conflict would leave."""
         session, id = self._session, str(conflict["id"])
         if not session.makes_askers or (self._weighed and self._weighed.id == id):
@@ -238,19 +262,29 @@ class Beside(NextQuestion):
         sides = [np.flatnonzero(side[1:-1]) + 1 for side in (d > 0, d < 0)]  # ends are fixed
         level = min((side for side in sides if len(side)), key=len, default=sides[0])
         levels = level[-2:].tolist()[::-1]
-        self._weighed = Consequences(id, suppose, partial(self._left_by, levels))
+        self._weighed = Consequences(id, suppose, partial(self._drawing.left_by, levels))
         self._background.start(self._weighed.steps())
 
-    def _consequences(self, id: str) -> dict[str, Any]:
-        """Return what the choices of a conflict would leave, without taking the lock."""
+    def consequences(self, id: str) -> dict[str, Any]:
+        """Return what the choices of a conflict would leave, as far as it is known."""
         now = self._weighed
         if now is None or now.id != id:
             return {"id": id, "choices": {}, "ready": True}
         ready = now.ready  # read first: whatever is there by then stays
         return {"id": id, "choices": now.found(), "ready": ready}
 
-    def _compute_beside(self, shown: Shown) -> None:
-        """Start the computations beside a question, which is on the screen now."""
+    def accompany(self, shown: Shown, put_so_far: int, needed: tuple[int, int]) -> None:
+        """Start the computations beside a question, which is on the screen now.
+
+        Parameters
+        ----------
+        shown : Shown
+        put_so_far : int
+            Number of questions, and checks, before this one.
+        needed : (2,) int
+            Answers, and checks, that must still come after this one.
+        """
+        self._put_so_far, self._needed = put_so_far, needed
         session, subject, now = self._session, self._subject, self._beside
         asker = session.current_asker()
         if now is not None and now.shown == shown.id and now.asker is asker:
@@ -270,7 +304,11 @@ class Beside(NextQuestion):
             ahead = now.ahead  # ``shown`` is, or was, a repeat
         elif session.makes_askers and not self._rounded(pending) and not other:
             ahead = LookAhead(
-                asker, twin, pending, self._shown(pending).swapped, session.answering(pending)
+                asker,
+                twin,
+                pending,
+                shown_of(self._subject, pending).swapped,
+                session.answering(pending),
             )
         counted = not session.is_repeat(shown.id)
         outlook = Outlook(
@@ -280,7 +318,7 @@ class Beside(NextQuestion):
         looks = () if ahead is None else ahead.steps()
         self._background.start(chain(instead, looks, outlook.steps()))
 
-    def _told_ahead(self, asker: Asker, answer: Answer) -> AfterAnswer | None:
+    def told_ahead(self, asker: Asker, answer: Answer) -> AfterAnswer | None:
         """Return the asker after an answer, if computed, and give up the other computations."""
         ahead = None if self._beside is None else self._beside.ahead
         found = None if ahead is None else ahead.told(asker, answer)
@@ -289,23 +327,20 @@ class Beside(NextQuestion):
         return found
 
     def _rounded(self, query: Query) -> bool:
-        return not self._shown(query).exact
+        return not shown_of(self._subject, query).exact
 
     def _ends(self, query: Query) -> bool:
         """Return whether a session like this one has no question left in front of a query."""
         return not self._session.makes_askers and self._rounded(query)
 
-    def _forget(self) -> None:
-        """Discard what was shown and computed."""
-        self._put = self._beside = self._weighed = None
+    def forget(self) -> None:
+        """Discard what was computed, and give up the rest."""
+        self._beside = self._weighed = None
         self._since = []
         self._background.stop()
 
-    def _outlook(self, id: str) -> dict[str, Any]:
-        """Return the notes beside a question, without taking the lock.
-
-        Nobody waits for it, nor it for anybody.
-        """
+    def outlook(self, id: str) -> dict[str, Any]:
+        """Return the notes beside a question, as far as they are known."""
         now = self._beside
         outlook = now.outlook if now is not None and now.shown == id else None
         if outlook is None:

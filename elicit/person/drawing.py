@@ -1,118 +1,57 @@
-"""Drawings of a session: the parts of an interview's screens that only read it, as JSON."""
+"""Drawings of a session, as JSON: its welcome, conflicts, end, report and tables."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from typing import Any
 
-import numpy as np
-
 from elicit._support.distribution import version
-from elicit.model.difference import tail_sums
-from elicit.model.pairs import same_pairs
-from elicit.model.query import Query, Verdict
+from elicit.model.query import Verdict
 from elicit.person.asker import Compares, Supposed
 from elicit.person.course.choices import Choices
-from elicit.person.course.conclusion import Conclusion, SessionFacts, in_unit
-from elicit.person.course.conduct import Conduct, Pace, choice_of
+from elicit.person.course.conclusion import Conclusion, in_unit
+from elicit.person.course.conduct import choice_of
 from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
-from elicit.person.course.level_questions import known_question, level_question
-from elicit.person.course.start import Before, Start
-from elicit.person.findings import asked_levels, certainty, scale_rows
+from elicit.person.course.pace import Pace
+from elicit.person.findings import certainty, scale_rows
+from elicit.person.next_question import NextQuestion
 from elicit.person.outlook import Prospect
 from elicit.person.report import ReportDetails, report_page
 from elicit.person.session import Session
-from elicit.person.showing import MOST_ICONS, Shown, Words, printable, show
+from elicit.person.showing import Shown, Subject, drawn, legend_of, printable, shown_of
 from elicit.tutors.answer_log import Entry
 
 MINUTES = (5, 10, 20)
 """Minutes that the welcome offers."""
 
 
-def _no_more(_: Any) -> list[str]:
-    return []
-
-
-def _unsaid(_: Any) -> None:
-    return None
-
-
-def _nothing_concluded(_: Any, before: float | None) -> Conclusion:
-    return Conclusion()
-
-
-@dataclass(frozen=True, eq=False)
-class Subject:
-    """The subject of an interview, in words.
-
-    Parameters
-    ----------
-    labels : (k,) str
-        The levels, worst first.
-    words : Words
-        The words in which the problem speaks.
-    of : int
-        Number of outcomes on a side, if there is a choice.
-    report : callable
-        Returns sentences about the outcome of ``Session.result``.
-    stakes : callable
-        Returns from the same outcome a sentence on the purpose of more questions, or None.
-    finer : str
-        Advice for when no question in whole numbers is left.
-    seed : int
-        Decides which side is A, and other choices by chance.
-    least : int
-        Fewest answers, besides "cannot tell", before the interview says that it is finished, if
-        anything was at stake before the first. Until then it asks about the levels of which most
-        is open, and then it puts an earlier question again. 0: it ends with its asker.
-    conclude : callable
-        Returns the ``Conclusion`` of the outcome of ``Session.result``. Its second argument is the
-        share of the value range that could be lost before the first answer, or None if unknown.
-    facts : SessionFacts
-        Facts that the report names.
-    enough : callable, optional
-        Returns whether the outcome of ``Session.result`` is sure enough to end once the asker has
-        no question. Until then the interview asks about the levels of which most is open. Default:
-        it always is.
-    """
-
-    labels: tuple[str, ...]
-    words: Words = field(default_factory=Words)
-    of: int = 10
-    report: Callable[[Any], list[str]] = field(default=_no_more, repr=False)
-    stakes: Callable[[Any], str | None] = field(default=_unsaid, repr=False)
-    finer: str = ""
-    seed: int = 0
-    least: int = 5
-    conclude: Callable[[Any, float | None], Conclusion] = field(
-        default=_nothing_concluded, repr=False
-    )
-    facts: SessionFacts = field(default_factory=SessionFacts)
-    enough: Callable[[Any], bool] | None = field(default=None, repr=False)
-
-
 class Drawing:
-    """Parts of the screens of an interview that only read its session.
+    """Draws what only reads a session: the welcome, a conflict, the end, the report, the tables.
 
     Parameters
     ----------
     session : Session
     subject : Subject
+    chosen : Choices
+        The person's choices, which may change.
+    questions : NextQuestion
     """
 
-    def __init__(self, session: Session, subject: Subject) -> None:
+    def __init__(
+        self, session: Session, subject: Subject, chosen: Choices, questions: NextQuestion
+    ) -> None:
         self._session, self._subject = session, subject
-        self._start: Start | Before | None = None  # found when it is first needed
+        self._chosen, self._questions = chosen, questions
         self._found: tuple[tuple[int, int], tuple[tuple[Entry, ...], ...]] | None = None
-        self._chosen = Choices.of(session.log.asked)
 
-    def _welcome(self) -> dict[str, Any]:
-        words, start = self._subject.words, self._at_start()
+    def welcome(self) -> dict[str, Any]:
+        """Return the welcome, as the screen has it."""
+        words, start = self._subject.words, self._questions.at_start()
         loss = None if start is None else start.loss
         compare = f"Each question shows two {words.side}s of {words.unit}. You choose one of them."
         return {
@@ -127,7 +66,7 @@ class Drawing:
             ],
         }
 
-    def _in_prospect(self, found: Prospect) -> str:
+    def in_prospect(self, found: Prospect) -> str:
         """Return a sentence on what so many questions will likely prove."""
         words, n = self._subject.words, found.sessions
         if found.settled == n:
@@ -144,21 +83,6 @@ class Drawing:
         most = in_unit(loss, words.unit, self._subject.labels, words.loss)
         return f"Before your first answer, the result could lose as much as {most}."
 
-    def _at_start(self) -> Start | Before | None:
-        """Return what was known before the first answer, or None if it can no longer be found."""
-        facts = self._subject.facts.of
-        if self._start is None and facts:
-            self._start = Before.kept(self._session.log.asked, facts)
-        if self._start is None:
-            empty = not self._session.log.standing
-            asker = self._session.current_asker() if empty else self._session.at_start()
-            if asker is None:
-                return None
-            self._start = start = Start(asker)
-            if empty:  # the asker goes on
-                _ = start.loss, start.finished
-        return self._start
-
     def _conflicts_found(self) -> tuple[tuple[Entry, ...], ...]:
         """Return ``Session.conflicts``, which are computed once for the same answers."""
         log = self._session.log
@@ -167,7 +91,8 @@ class Drawing:
             self._found = state, self._session.conflicts()
         return self._found[1]
 
-    def _repeat_conflict(self, first: Entry, again: Entry) -> dict[str, Any]:
+    def repeat_conflict(self, first: Entry, again: Entry) -> dict[str, Any]:
+        """Return the conflict of a repeat with the first answer, as the screen has it."""
         choices = [
             {"choice": "first", "label": "What I said before"},
             {"choice": "second", "label": "What I said now"},
@@ -191,7 +116,8 @@ class Drawing:
             "choices": choices,
         }
 
-    def _contradiction(self, among: Sequence[Entry]) -> dict[str, Any]:
+    def contradiction(self, among: Sequence[Entry]) -> dict[str, Any]:
+        """Return the conflict of answers that contradict each other, as the screen has it."""
         numbers = self._numbers()
         shown = [
             self._as_shown(entry, f"Answer {numbers[id_]}")
@@ -233,7 +159,7 @@ class Drawing:
             "choices": choices,
         }
 
-    def _left_by(self, levels: Sequence[int], after: Supposed) -> str:
+    def left_by(self, levels: Sequence[int], after: Supposed) -> str:
         """Return what a choice in a conflict would say of some levels, and the answers it keeps.
 
         What the result could then lose is not said: people took the choice that lost least, and
@@ -256,44 +182,26 @@ class Drawing:
         shown = self._as_put(entry)
         return {
             "name": name,
-            "sentence": self._sentence(entry),
+            "sentence": self.sentence(entry),
             "chosen": choice_of(entry.answer),
-            "question": self._drawn(shown, 0),
+            "question": drawn(shown, 0),
         }
 
     def _as_put(self, entry: Entry) -> Shown:
         """Return the question of an answer with the sides as the person saw them."""
-        return replace(self._shown(entry.answer.query), swapped=entry.answer.swapped)
-
-    def _level_question(self, known: bool = False) -> Query | None:
-        """Return a question about a level that is open.
-
-        If there is none, and ``known`` is True, one whose answer follows from others.
-        """
-        asker = self._session.current_asker()
-        if not isinstance(asker, Compares):
-            return None
-        said = [tail_sums(e.answer.query.d) for e in self._session.log.standing]
-
-        def answered(query: Query) -> bool:
-            return bool(said) and bool(same_pairs(tail_sums(query.d), np.array(said)).any())
-
-        asked = asked_levels(self._session.log)
-        found = level_question(asker.comparator, self._subject.of, answered, asked)
-        if found is None and known:
-            return known_question(asker.comparator, self._subject.of, answered)
-        return found
+        return replace(shown_of(self._subject, entry.answer.query), swapped=entry.answer.swapped)
 
     def _numbers(self) -> dict[str, int]:
         """Return the number of each answer in lists and reports, by its query's id."""
         return {entry.answer.query.id: i for i, entry in enumerate(self._session.log, 1)}
 
-    def _answers(self) -> dict[str, Any]:
+    def answers(self) -> dict[str, Any]:
+        """Return the list of all answers, and the conflicts among them."""
         said = [
             {
                 "id": entry.answer.query.id,
                 "number": number,
-                "sentence": self._sentence(entry),
+                "sentence": self.sentence(entry),
                 "shown": _in_words(self._as_put(entry)),
                 "verdict": entry.answer.verdict,
                 "time": entry.metadata.get("time"),
@@ -308,17 +216,18 @@ class Drawing:
             "conflicts": [[one["id"] for one in among] for among in self._conflicts()],
         }
 
-    def _report(self) -> dict[str, Any]:
+    def report(self) -> dict[str, Any]:
+        """Return a page to keep, and the name of its file."""
         query, log = self._session.question(), self._session.log
-        whole = query is not None and self._shown(query).exact
+        whole = query is not None and shown_of(self._subject, query).exact
         now = datetime.now(UTC)
         title = printable(self._subject.words.title)
         facts = {"Person": self._session.who or "not named", **dict(self._subject.facts.of)}
         html = report_page(
             title,
             f"{now.day} {now:%B %Y, %H:%M} UTC",
-            self._end(query is not None and not whole),
-            self._answers()["answers"],
+            self.end(query is not None and not whole),
+            self.answers()["answers"],
             waiting=whole,
             details=ReportDetails(
                 log=None if log.path is None else printable(log.path.name),
@@ -335,7 +244,8 @@ class Drawing:
         words = re.findall(r"\w+", printable(self._subject.words.title).lower())
         return "-".join([*words, what, f"{now:%Y-%m-%d}"]) + f".{ending}"
 
-    def _download(self, what: str, format: str) -> dict[str, Any]:
+    def download(self, what: str, format: str) -> dict[str, Any]:
+        """Return a table as a file. Raises ValueError for another table or format."""
         if format not in ("csv", "json") or what not in ("scale", "policy", "answers"):
             raise ValueError("what is scale, policy or answers, and format csv or json")
         rows = self.table(what)
@@ -360,7 +270,7 @@ class Drawing:
         """
         if what == "answers":
             return [
-                answer_row(number, entry, self._as_put(entry), self._sentence(entry))
+                answer_row(number, entry, self._as_put(entry), self.sentence(entry))
                 for number, entry in enumerate(self._session.log, 1)
             ]
         if what == "scale":
@@ -372,7 +282,7 @@ class Drawing:
                     "high": row["high"],
                     "asked": row["asked"],
                 }
-                for row in self._end(False)["scale"]
+                for row in self.end(False)["scale"]
             ]
         found = self._concluded().result
         if found is None:
@@ -380,25 +290,33 @@ class Drawing:
         return [dict(zip(found.columns, row, strict=True)) for row in found.rows]
 
     def _concluded(self) -> Conclusion:
-        start = self._at_start()
+        start = self._questions.at_start()
         return self._subject.conclude(self._session.result(), None if start is None else start.loss)
 
-    def _end(self, open_still: bool) -> dict[str, Any]:
+    def end(self, open_still: bool) -> dict[str, Any]:
+        """Return the result, as the screen has it at the end.
+
+        Parameters
+        ----------
+        open_still : bool
+            True if a question is open that cannot be put in whole numbers.
+        """
         session, subject = self._session, self._subject
         status = session.status()
         asker = session.current_asker()
         known = asker.comparator if isinstance(asker, Compares) else None
         found = self._concluded()
-        conduct = Conduct.of([*session.log])
+        conduct = session.conduct()
         over = session.question() is None
         # who asked for more after the last question may stop at any time
         enough = over or (self._chosen.more and conduct.with_verdict >= subject.least)
         enough = enough and (conduct.passed or not conduct.differed)
         may_add = bool(subject.least) and session.makes_askers
-        left = (not over and not open_still) or (may_add and self._level_question() is not None)
+        addable = may_add and self._questions.about_a_level() is not None
+        left = (not over and not open_still) or addable
         caution = conduct.caution(at_end=True) if subject.least else None
         headline, after, said = found.headline, found.next, [*found.statements]
-        start = self._at_start() if found.headline else None
+        start = self._questions.at_start() if found.headline else None
         sure, before, changes = found.sure, found.before, found.changes
         if not conduct.with_verdict and start is not None and not start.finished:
             sure, changes = "", None  # there is nothing yet that could hold or change
@@ -476,50 +394,16 @@ class Drawing:
                 {
                     "id": entry.answer.query.id,
                     "number": numbers[entry.answer.query.id],
-                    "sentence": self._sentence(entry),
+                    "sentence": self.sentence(entry),
                 }
                 for entry in among
             ]
             for among in self._conflicts_found()
         ]
 
-    def _drawn(self, shown: Shown, number: int) -> dict[str, Any]:
-        rows = shown.rows
-        return {
-            "id": shown.id,
-            "number": number,
-            "heading": shown.sentences()[-1],
-            "sentences": list(shown.sentences()[:-1]),
-            "sides": [printable(f"{shown.words.side.capitalize()} {name}") for name in "AB"],
-            "of": shown.of,
-            "unit": printable(shown.words.unit),
-            "levels": len(shown.labels),
-            "labels": list(shown.labels),
-            "icons": max((n for row in rows for n in (row.a, row.b)), default=0) <= MOST_ICONS,
-            "rows": [row._asdict() for row in rows],
-        }
-
-    def _shown(self, query: Query) -> Shown:
-        return shown_of(self._subject, query)
-
-    def _sentence(self, entry: Entry) -> str:
-        return self._shown(entry.answer.query).sentence(entry.answer.verdict)
-
-
-def legend_of(subject: Subject) -> dict[str, Any]:
-    """Return what the levels mean, best first, and how long they last."""
-    words, labels = subject.words, subject.labels
-    meanings = words.levels if len(words.levels) == len(labels) else ("",) * len(labels)
-    levels = [
-        {"label": printable(label), "level": level, "meaning": printable(meaning)}
-        for level, (label, meaning) in enumerate(zip(labels, meanings, strict=True))
-    ]
-    return {"duration": printable(words.duration), "levels": levels[::-1]}
-
-
-def shown_of(subject: Subject, query: Query) -> Shown:
-    """Return a question as the person sees it."""
-    return show(query, subject.words, subject.of, subject.seed, subject.labels)
+    def sentence(self, entry: Entry) -> str:
+        """Return an answer in words."""
+        return shown_of(self._subject, entry.answer.query).sentence(entry.answer.verdict)
 
 
 def _in_words(shown: Shown) -> str:

@@ -115,7 +115,8 @@ put again, which nothing else counts, with ``alike`` of them answered as before.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from inspect import signature
@@ -127,20 +128,21 @@ from elicit.model.query import Verdict
 from elicit.person.asker import Compares
 from elicit.person.beside import Beside, Company, in_minutes
 from elicit.person.course.choices import CHOICES, Choices
-from elicit.person.course.conduct import FEW_HASTY, IN_CONFLICT, Conduct, Pace, differs
-from elicit.person.course.start import START, Start
-from elicit.person.drawing import Subject as Subject
-from elicit.person.drawing import legend_of
+from elicit.person.course.conduct import IN_CONFLICT, Conduct, differs
+from elicit.person.course.pace import FEW_HASTY, Pace
+from elicit.person.course.start import START
+from elicit.person.drawing import Drawing
+from elicit.person.next_question import NextQuestion
 from elicit.person.session import Session
-from elicit.person.showing import (
-    Shown,
-    practice,
-    printable,
-)
+from elicit.person.showing import Shown, drawn, legend_of, practice, printable, shown_of
+from elicit.person.showing import Subject as Subject
 from elicit.tutors.answer_log import CONTRADICTS, REPEATS, Entry
 
 _MORE_AFTER_CAUTION = 10  # answers until a caution that the person passed over is said again
 _LONGEST_NAME = 80
+_ONLY_READ = ("answers", "report", "download")
+# these read what a thread computes, so neither waits for the other
+_READ_AT_ONCE = ("outlook", "prospects", "consequences")
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +181,7 @@ class Progress:
         return times[-1] if times else None
 
 
-class Interview(Beside, Closing):
+class Interview(Closing):
     """A session as screens and messages (see the module).
 
     While the person reads, a thread computes the next question after each possible answer.
@@ -200,9 +202,12 @@ class Interview(Beside, Closing):
     """
 
     def __init__(self, session: Session, subject: Subject, company: Company | None = None) -> None:
-        super().__init__(session, subject, company or Company())
+        self._session, self._subject = session, subject
+        self._company = company or Company()
+        self._lock = threading.RLock()
         self._over: str | None = None  # the note of an interview that takes no more answers
-        self._practised = self._started
+        self._started = self._practised = bool(session.log.standing)
+        self._put: str | None = None  # id of the query that was logged last as shown
         self.shown: Shown | None = None
         """The question of the last screen, for hosts that draw it themselves; None if it has
         none.
@@ -210,6 +215,9 @@ class Interview(Beside, Closing):
         # whoever resumes without an answer sees the welcome, and chooses anew
         self._chosen = Choices.of(session.log.asked) if self._started else Choices()
         self._kept = replace(self._chosen)  # as the log has them
+        self._questions = NextQuestion(session, subject, self._chosen)
+        self._drawing = Drawing(session, subject, self._chosen, self._questions)
+        self._beside = Beside(session, subject, self._chosen, self._drawing, self._company)
         self._does: dict[str, Callable[..., dict[str, Any]]] = {
             "state": lambda: self._screen(),
             "start": self._begin,
@@ -222,20 +230,15 @@ class Interview(Beside, Closing):
             "finish": self._finish,
             "result": self._result,
             "more": self._go_on,
-            "outlook": self._outlook,
-            "prospects": self._prospects_so_far,
-            "consequences": self._consequences,
-            "answers": self._answers,
-            "report": self._report,
-            "download": self._download,
+            "outlook": self._beside.outlook,
+            "prospects": lambda: self._beside.prospects(self._started),
+            "consequences": self._beside.consequences,
+            "answers": self._drawing.answers,
+            "report": self._drawing.report,
+            "download": self._drawing.download,
         }
         self.progress = self._progress(None)
         """The point at which it stood after the last message."""
-
-    @property
-    def _unlocked(self) -> tuple[Callable[..., dict[str, Any]], ...]:
-        """The messages that only read what a thread computes: neither waits for the other."""
-        return self._outlook, self._prospects_so_far, self._consequences
 
     def handle(self, message: Mapping[str, Any]) -> dict[str, Any]:
         """Return the reply to a message.
@@ -256,7 +259,8 @@ class Interview(Beside, Closing):
             For something that is no message.
         """
         parts = dict(message) if isinstance(message, Mapping) else {}
-        does = self._does.get(str(parts.pop("do", None)))
+        do = str(parts.pop("do", None))
+        does = self._does.get(do)
         if does is None or not all(isinstance(value, str) for value in parts.values()):
             raise ValueError(
                 f'a message says what to "do", one of {", ".join(self._does)}, and strings besides'
@@ -265,10 +269,10 @@ class Interview(Beside, Closing):
             signature(does).bind(**parts)
         except TypeError:
             raise ValueError("the parts of this message are not those it should have") from None
-        if does in self._unlocked:
+        if do in _READ_AT_ONCE:
             return does(**parts)
         with self._lock, self._company.turns.reply():
-            only_reads = does in (self._answers, self._report, self._download)
+            only_reads = do in _ONLY_READ
             if self._over is not None and not only_reads:
                 return self._after_all(self._over)
             screen = does(**parts)
@@ -286,14 +290,27 @@ class Interview(Beside, Closing):
         """
         with self._lock:
             self._over = printable(note)
-            self._background.stop()
+            self._beside.stop()
 
     def close(self) -> None:
         """End the background computation.
 
         The session stays open, and the interview may be used again.
         """
-        self._background.close()
+        self._beside.close()
+
+    def table(self, what: str) -> list[dict[str, Any]]:
+        """Return a table to keep, as a list of rows: {column: value}.
+
+        Parameters
+        ----------
+        what : {"scale", "policy", "answers"}
+
+        Returns
+        -------
+        list of dict
+        """
+        return self._drawing.table(what)
 
     def _progress(
         self, before: Progress | None, screen: Mapping[str, Any] | None = None
@@ -321,14 +338,14 @@ class Interview(Beside, Closing):
         if not standing and not self._practised and not self._chosen.stopped:
             if not self._started and session.question() is not None:
                 self.shown = None
-                self._foresee()
-                return {**screen, "welcome": self._welcome()}
+                self._beside.foresee()
+                return {**screen, "welcome": self._drawing.welcome()}
             if session.question() is not None:
                 shown = practice(self._subject.labels, words, self._subject.of, self._subject.seed)
                 self.shown = shown
-                self._background.start(self._first_question())
-                return {**screen, "stage": "practice", "question": self._drawn(shown, 0)}
-        conduct = Conduct.of([*session.log])
+                self._beside.start(self._first_question())
+                return {**screen, "stage": "practice", "question": drawn(shown, 0)}
+        conduct = session.conduct()
         caution = (
             conduct.caution()
             if conduct.given >= self._chosen.heard + _MORE_AFTER_CAUTION
@@ -337,38 +354,48 @@ class Interview(Beside, Closing):
         )
         if conflict := self._conflict_now():
             self.shown = None
-            self._weigh(conflict)
+            self._beside.weigh(conflict)
             return {**screen, "stage": "conflict", "conflict": conflict}
         if self._chosen.stopped or (caution and self._subject.least):
             self.shown = None
             self._keep()
-            return {**screen, "stage": "end", "end": self._end(False)}
+            return {**screen, "stage": "end", "end": self._drawing.end(False)}
         if offer := self._offer(conduct):
             self.shown = None
             return {**screen, "stage": "offer", "offer": offer}
         query = session.question()
-        shown_now = None if query is None else self._shown(query)
+        shown_now = None if query is None else shown_of(self._subject, query)
         if shown_now is None or not shown_now.exact:
             self.shown = None
             # an answer to rounded numbers could make the statements at the end untrue
-            return {**screen, "stage": "end", "end": self._end(shown_now is not None)}
+            return {**screen, "stage": "end", "end": self._drawing.end(shown_now is not None)}
         if self._put != shown_now.id or self._chosen != self._kept:
             self._log_shown(shown_now)
         self.shown = shown_now
-        self._needed = self._still_needed(conduct)
-        self._put_so_far = len(standing)
-        self._compute_beside(shown_now)
+        self._beside.accompany(shown_now, len(standing), self._questions.still_needed(conduct))
         return {
             **screen,
             "stage": "question",
-            "question": self._drawn(shown_now, len(standing) + 1),
+            "question": drawn(shown_now, len(standing) + 1),
         }
+
+    def _first_question(self) -> Iterator[None]:
+        """Compute the first question in a step, while the person practises."""
+        with self._lock:
+            self._session.question()
+        yield
+
+    def _forget(self) -> None:
+        """Discard what was shown and computed."""
+        self._put = None
+        self._beside.forget()
 
     def _screen_of(self, standing: Sequence[Entry], note: str | None) -> dict[str, Any]:
         """Return the parts of a screen that do not depend on its stage."""
         words = self._subject.words
         last = standing[-1].answer if standing else None
         pace = Pace.of(self._session.log)
+        sentence = self._drawing.sentence
         return {
             "title": printable(words.title),
             "preamble": printable(words.preamble),
@@ -380,7 +407,7 @@ class Interview(Beside, Closing):
             "open_conflicts": sum(CONTRADICTS in e.metadata and not e.used for e in standing),
             "budget": self._planned(),
             "time": {"planned": self._chosen.minutes, "spent": pace.spent, "pace": pace.seconds},
-            "last": last and {"id": last.query.id, "sentence": self._sentence(standing[-1])},
+            "last": last and {"id": last.query.id, "sentence": sentence(standing[-1])},
             "note": note,
             "welcome": None,
             "question": None,
@@ -394,14 +421,14 @@ class Interview(Beside, Closing):
         if self._chosen.minutes is None:
             return self._chosen.budget
         log = self._session.log
-        return Conduct.of([*log]).answered + Pace.of(log).questions_in(self._chosen.minutes)
+        return self._session.conduct().answered + Pace.of(log).questions_in(self._chosen.minutes)
 
     def _keep(self) -> None:
         """Log the person's choices while no question is on the screen, with the one that waits."""
         if self._chosen == self._kept:
             return
         query = self._session.question()
-        shown = None if query is None else self._shown(query)
+        shown = None if query is None else shown_of(self._subject, query)
         if shown is not None and shown.exact:  # otherwise the end comes without a choice
             with suppress(OSError):  # the result is shown all the same
                 self._log_shown(shown)
@@ -409,10 +436,8 @@ class Interview(Beside, Closing):
     def _log_shown(self, shown: Shown) -> None:
         """Log the question that is put now, the person's choices if they changed, and the start."""
         changed = {CHOICES: self._chosen.record()} if self._chosen != self._kept else {}
-        start, facts = self._start, self._subject.facts.of
-        if facts and isinstance(start, Start) and (before := start.computed()):
-            changed[START] = before.record(facts)
-            self._start = before
+        if start := self._questions.start_to_keep():
+            changed[START] = start
         self._session.shown(shown.id, shown.swapped, shown=shown.record(), **changed)
         self._put, self._kept = shown.id, replace(self._chosen)
 
@@ -447,15 +472,15 @@ class Interview(Beside, Closing):
             )
             if said is None:
                 return self._screen("That question is no longer open. This is the current one.")
-            if self._shown(said.answer.query).verdict(choice) == said.answer.verdict:  # type: ignore[arg-type]
+            if shown_of(self._subject, said.answer.query).verdict(choice) == said.answer.verdict:  # type: ignore[arg-type]
                 return self._screen()  # the answer was sent twice
             return self._screen(
                 "That question was already answered, perhaps in another window: "
-                f"{self._sentence(said)}. That answer stands. You can take it back."
+                f"{self._drawing.sentence(said)}. That answer stands. You can take it back."
             )
-        verdict = self._shown(query).verdict(choice)  # type: ignore[arg-type]  # which raises ValueError
+        verdict = shown_of(self._subject, query).verdict(choice)  # type: ignore[arg-type]  # which raises ValueError
         waits = self._session.next_told()
-        self._session.answer(id, verdict, ahead=self._told_ahead)
+        self._session.answer(id, verdict, ahead=self._beside.told_ahead)
         self._started = self._practised = True
         self._chosen.stopped = False
         said = self._session.log[-1]
@@ -505,7 +530,7 @@ class Interview(Beside, Closing):
             raise ValueError(f"option must be 'other', 'on' or 'finish', not {option[:40]!r}")
         if option == "finish":
             return self._finish()
-        self._chosen.offered = Conduct.of([*self._session.log]).answered
+        self._chosen.offered = self._session.conduct().answered
         planned = self._planned()
         if planned is not None and self._chosen.offered >= planned:
             self._chosen.budget = self._chosen.minutes = None
@@ -520,10 +545,10 @@ class Interview(Beside, Closing):
 
     def _result(self) -> dict[str, Any]:
         screen = self._screen_of(self._session.log.standing, None)
-        return {**screen, "stage": "end", "end": self._end(False)}
+        return {**screen, "stage": "end", "end": self._drawing.end(False)}
 
     def _go_on(self) -> dict[str, Any]:
-        conduct = Conduct.of([*self._session.log])
+        conduct = self._session.conduct()
         self._started = self._practised = True
         self._chosen.stopped = False
         if conduct.caution() is not None:
@@ -543,11 +568,11 @@ class Interview(Beside, Closing):
             first = next((e for e in standing if e.answer.query.id == last.metadata[REPEATS]), None)
             if first is None or not differs(last) or self._is_passed((first, last)):
                 return None
-            return self._repeat_conflict(first, last)
+            return self._drawing.repeat_conflict(first, last)
         among = self._session.contradiction()
         if not among or self._is_passed(among):
             return None
-        return self._contradiction(among)
+        return self._drawing.contradiction(among)
 
     def _is_passed(self, among: Sequence[Entry]) -> bool:
         return self._chosen.leaves(entry.answer.query.id for entry in among)

@@ -1,39 +1,92 @@
 """The questions of an interview that stand beside its asker's.
 
 Some take the place of the asker's question: a check of the order, another kind of question, or one
-in whole numbers. Others come once the asker has none.
+in whole numbers. Others come once the asker has none. ``elicit.person.course.level_questions``
+makes those about a level.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from elicit.model.query import Query
 from elicit.person.asker import Compares
+from elicit.person.course.choices import Choices
 from elicit.person.course.conduct import LEAST_CHECKS, ORDER, Conduct
-from elicit.person.course.level_questions import level_question, order_question
-from elicit.person.drawing import Drawing, Subject, shown_of
+from elicit.person.course.level_questions import known_question, level_question, order_question
+from elicit.person.course.start import Before, Start
+from elicit.person.findings import asked_levels
 from elicit.person.session import Session
-from elicit.person.showing import near_in_whole_numbers
+from elicit.person.showing import Subject, near_in_whole_numbers, shown_of
 
 _ORDER_AFTER = 4  # answers before the question about the order of two levels
 
 
-class NextQuestion(Drawing):
-    """Chooses questions beside those of a session's asker.
+class NextQuestion:
+    """Chooses questions beside those of a session's asker, which the session then puts.
 
     Parameters
     ----------
     session : Session
     subject : Subject
+    chosen : Choices
+        The person's choices, which may change.
     """
 
-    def __init__(self, session: Session, subject: Subject) -> None:
-        super().__init__(session, subject)
+    def __init__(self, session: Session, subject: Subject, chosen: Choices) -> None:
+        self._session, self._subject, self._chosen = session, subject, chosen
+        self._start: Start | Before | None = None  # found when it is first needed
         session.choose_replacement = self._replacement
         if subject.least:
             session.choose_extra = self._extra
             session.check_regularly()
+
+    def at_start(self) -> Start | Before | None:
+        """Return what was known before the first answer, or None if it can no longer be found."""
+        facts = self._subject.facts.of
+        if self._start is None and facts:
+            self._start = Before.kept(self._session.log.asked, facts)
+        if self._start is None:
+            empty = not self._session.log.standing
+            asker = self._session.current_asker() if empty else self._session.at_start()
+            if asker is None:
+                return None
+            self._start = start = Start(asker)
+            if empty:  # the asker goes on
+                _ = start.loss, start.finished
+        return self._start
+
+    def start_to_keep(self) -> dict[str, Any] | None:
+        """Return what was found about the start, as JSON for the log, if it does not keep it."""
+        start, facts = self._start, self._subject.facts.of
+        before = start.computed() if facts and isinstance(start, Start) else None
+        if before is None:
+            return None
+        self._start = before
+        return before.record(facts)
+
+    def about_a_level(self, known: bool = False) -> Query | None:
+        """Return a question about a level that is open.
+
+        If there is none, and ``known`` is True, one whose answer follows from others.
+        """
+        asker = self._session.current_asker()
+        if not isinstance(asker, Compares):
+            return None
+        answered, of = self._session.answered_before(), self._subject.of
+        asked = asked_levels(self._session.log)
+        found = level_question(asker.comparator, of, answered, asked)
+        if found is None and known:
+            return known_question(asker.comparator, of, answered)
+        return found
+
+    def still_needed(self, conduct: Conduct) -> tuple[int, int]:
+        """Return how many answers, and checks besides, must come after this question."""
+        if not self._subject.least:
+            return 0, 0
+        checks = max(0, LEAST_CHECKS - conduct.checks) if self._session.audits else 0
+        return max(0, self._subject.least - conduct.with_verdict - 1), checks
 
     def _replacement(self, query: Query, answered: Callable[[Query], bool]) -> Query | None:
         """Return the query in place of the asker's: a check, another kind, or whole numbers."""
@@ -51,9 +104,8 @@ class NextQuestion(Drawing):
 
     def _order_check(self, k: int) -> Query | None:
         """Return the question about two neighbouring levels that is due, or None."""
-        log = [*self._session.log]
-        conduct = Conduct.of(log)
-        n = sum(entry.answer.query.id.startswith(ORDER) for entry in log)
+        conduct = self._session.conduct()
+        n = sum(entry.answer.query.id.startswith(ORDER) for entry in self._session.log)
         due = (conduct.answered >= _ORDER_AFTER) + (conduct.differed > 0)
         if not self._session.audits or k < 3 or n >= due:
             return None
@@ -61,7 +113,7 @@ class NextQuestion(Drawing):
 
     def _extra(self) -> Query | None:
         """Return the question to put when the asker has none, or None at the end."""
-        conduct, start = Conduct.of([*self._session.log]), self._at_start()
+        conduct, start = self._session.conduct(), self.at_start()
         needed = start is not None and not start.finished
         few = needed and conduct.with_verdict < self._subject.least
         if needed and not few and self._session.audits and conduct.unresolved:
@@ -71,16 +123,9 @@ class NextQuestion(Drawing):
             if (check := self._session.checking()) is not None:
                 return check
             few = True
-        if (self._chosen.more or few) and (found := self._level_question(few)) is not None:
+        if (self._chosen.more or few) and (found := self.about_a_level(few)) is not None:
             return found
         return self._session.confirming() if needed or self._chosen.more else None
-
-    def _still_needed(self, conduct: Conduct) -> tuple[int, int]:
-        """Return how many answers, and checks besides, must come after this question."""
-        if not self._subject.least:
-            return 0, 0
-        checks = max(0, LEAST_CHECKS - conduct.checks) if self._session.audits else 0
-        return max(0, self._subject.least - conduct.with_verdict - 1), checks
 
 
 def _in_whole_numbers(

@@ -36,8 +36,7 @@ from elicit.person.asker import (
     Supposed,
     counts,
 )
-from elicit.person.course.conduct import SETTLED, differs, repeats_in
-from elicit.person.course.repeats import Repeats
+from elicit.person.course.conduct import SETTLED, Conduct, Repeats, differs, repeats_in
 from elicit.person.replayed_asker import ReplayedAsker
 from elicit.tutors.answer_log import (
     EXPECTED,
@@ -212,6 +211,19 @@ class Session(Closing):
         Not if the session was told to put none again.
         """
         self._repeats.regular = self.audits
+
+    def conduct(self) -> Conduct:
+        """Return how the answers so far were given."""
+        return Conduct.of([*self._log])
+
+    def answered_before(self) -> Callable[[Query], bool]:
+        """Return a function that tells whether a query's difference was answered before."""
+        said = [tail_sums(entry.answer.query.d) for entry in self._log.standing]
+
+        def answered(query: Query) -> bool:
+            return bool(said) and bool(same_pairs(tail_sums(query.d), np.array(said)).any())
+
+        return answered
 
     def confirming(self) -> Query | None:
         """Return an earlier question to put again before the end, or None."""
@@ -579,12 +591,7 @@ class Session(Closing):
         asker = self.current_asker()
         if isinstance(asker, Audits) and query.id in asker.implied:
             return None
-        said = [tail_sums(entry.answer.query.d) for entry in self._log.standing]
-
-        def asked_before(other: Query) -> bool:
-            return bool(said) and bool(same_pairs(tail_sums(other.d), np.array(said)).any())
-
-        return self.choose_replacement(query, asked_before)
+        return self.choose_replacement(query, self.answered_before())
 
     def _reliable(self, k: int) -> PolytopeComparator:
         """Return a comparator that knows no answer and takes each for true."""

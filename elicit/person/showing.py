@@ -1,4 +1,4 @@
-"""A question as a person is shown it: in whole numbers, and in the words of the problem.
+"""The subject of an interview in words, and a question as a person is shown it, in whole numbers.
 
 ``show`` turns a ``Query`` into a ``Shown``: the counts of two sides A and B, which of them is the
 query's left, and whether the counts are the query itself or rounded. It shows nothing that is not
@@ -7,8 +7,8 @@ asked. ``Shown.text`` writes it for a terminal. Other hosts draw its rows.
 
 import hashlib
 import textwrap
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from elicit._support.validation import is_list, is_whole, require
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
+from elicit.person.course.conclusion import Conclusion, SessionFacts
 
 Choice: TypeAlias = Literal["a", "b", "equal", "cannot tell"]
 
@@ -69,6 +70,68 @@ class Words:
     purpose: str = ""
     note: str = ""
     loss: str = ""
+
+
+def _no_more(_: Any) -> list[str]:
+    return []
+
+
+def _unsaid(_: Any) -> None:
+    return None
+
+
+def _nothing_concluded(_: Any, before: float | None) -> Conclusion:
+    return Conclusion()
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """The subject of an interview, in words.
+
+    Parameters
+    ----------
+    labels : (k,) str
+        The levels, worst first.
+    words : Words
+        The words in which the problem speaks.
+    of : int
+        Number of outcomes on a side, if there is a choice.
+    report : callable
+        Returns sentences about the outcome of ``Session.result``.
+    stakes : callable
+        Returns from the same outcome a sentence on the purpose of more questions, or None.
+    finer : str
+        Advice for when no question in whole numbers is left.
+    seed : int
+        Decides which side is A, and other choices by chance.
+    least : int
+        Fewest answers, besides "cannot tell", before the interview says that it is finished, if
+        anything was at stake before the first. Until then it asks about the levels of which most
+        is open, and then it puts an earlier question again. 0: it ends with its asker.
+    conclude : callable
+        Returns the ``Conclusion`` of the outcome of ``Session.result``. Its second argument is the
+        share of the value range that could be lost before the first answer, or None if unknown.
+    facts : SessionFacts
+        Facts that the report names.
+    enough : callable, optional
+        Returns whether the outcome of ``Session.result`` is sure enough to end once the asker has
+        no question. Until then the interview asks about the levels of which most is open. Default:
+        it always is.
+    """
+
+    labels: tuple[str, ...]
+    words: Words = field(default_factory=Words)
+    of: int = 10
+    report: Callable[[Any], list[str]] = field(default=_no_more, repr=False)
+    stakes: Callable[[Any], str | None] = field(default=_unsaid, repr=False)
+    finer: str = ""
+    seed: int = 0
+    least: int = 5
+    conclude: Callable[[Any, float | None], Conclusion] = field(
+        default=_nothing_concluded, repr=False
+    )
+    facts: SessionFacts = field(default_factory=SessionFacts)
+    enough: Callable[[Any], bool] | None = field(default=None, repr=False)
 
 
 class Row(NamedTuple):
@@ -346,6 +409,47 @@ def practice(labels: Sequence[str], words: Words = Words(), of: int = 10, seed: 
     """
     ends = np.eye(len(labels))[[-1, 0]]
     return show(Query(f"practice/{seed}", ends[0], ends[1], labels=labels), words, of, seed)
+
+
+def shown_of(subject: Subject, query: Query) -> Shown:
+    """Return a question as the person sees it."""
+    return show(query, subject.words, subject.of, subject.seed, subject.labels)
+
+
+def drawn(shown: Shown, number: int) -> dict[str, Any]:
+    """Return a question as JSON for a front end, which draws it.
+
+    Parameters
+    ----------
+    shown : Shown
+    number : int
+        Of the question, from 1; 0 for one that is not counted.
+    """
+    rows = shown.rows
+    return {
+        "id": shown.id,
+        "number": number,
+        "heading": shown.sentences()[-1],
+        "sentences": list(shown.sentences()[:-1]),
+        "sides": [printable(f"{shown.words.side.capitalize()} {name}") for name in "AB"],
+        "of": shown.of,
+        "unit": printable(shown.words.unit),
+        "levels": len(shown.labels),
+        "labels": list(shown.labels),
+        "icons": max((n for row in rows for n in (row.a, row.b)), default=0) <= MOST_ICONS,
+        "rows": [row._asdict() for row in rows],
+    }
+
+
+def legend_of(subject: Subject) -> dict[str, Any]:
+    """Return what the levels mean, best first, and how long they last."""
+    words, labels = subject.words, subject.labels
+    meanings = words.levels if len(words.levels) == len(labels) else ("",) * len(labels)
+    levels = [
+        {"label": printable(label), "level": level, "meaning": printable(meaning)}
+        for level, (label, meaning) in enumerate(zip(labels, meanings, strict=True))
+    ]
+    return {"duration": printable(words.duration), "levels": levels[::-1]}
 
 
 def near_in_whole_numbers(query: Query) -> Iterator[Query]:

@@ -162,9 +162,8 @@ def _write(
     from elicit import Panel
     from elicit._support.distribution import version
     from elicit.person.course.files import as_csv, as_json
-    from elicit.person.drawing import legend_of
     from elicit.person.report import ReportDetails
-    from elicit.person.showing import printable
+    from elicit.person.showing import legend_of, printable
     from elicit.person.study.report import study_page
     from elicit.person.study.study import agreed_so_far
 

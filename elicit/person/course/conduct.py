@@ -1,20 +1,20 @@
-"""Conduct of a person so far, from the log alone: runs of one answer, the checks, and the pace.
+"""How a person answers, from the log alone, and the earlier questions put again to see it.
 
 A check is a question whose answer can be compared with something: an earlier question put again, or
 two neighbouring levels, whose order is known. Whoever answers by chance differs in about half of
-them.
+them. ``Conduct`` counts the checks; ``Repeats`` chooses when one is due, and which.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from statistics import median
+from dataclasses import dataclass, replace
 from typing import Literal
 
-from elicit.model.query import Answer, Verdict
-from elicit.tutors.answer_log import EXPECTED, RESOLVED, Entry
+from elicit._support.hashing import Seed, fold, key_of, name_code, uniform
+from elicit.model.query import Answer, Query, Verdict
+from elicit.tutors.answer_log import EXPECTED, REPEATS, RESOLVED, AnswerLog, Entry
 
 Kind = Literal["a", "b", "equal", "cannot tell"]
 
@@ -42,15 +42,8 @@ LEAST_CHECKS = 5
 MOST_CHECKS = 11
 """Checks after which whoever has not passed is told so."""
 _MORE_ALIKE = 2  # further checks that must be answered alike for each that was not
-SECONDS = 20.0
-"""Seconds that a question is taken to last until the person's own pace is known."""
-HASTY = 1.0
-"""Seconds in which hardly anyone reads a question."""
-FEW_HASTY = 3
-"""Answers in under a second that are worth a remark."""
-_HASTY_SHARE = 0.2  # share of them that is worth a remark at the end
-_KNOWN_AFTER = 3  # answers
-_BREAK = 300.0  # seconds: whoever takes longer was away, and the rest does not count
+_EVERY = 4  # answers for each check, where the interview wants some
+_AGAIN = " again"  # suffix of the id of a query that is put again
 
 
 def choice_of(answer: Answer) -> Kind:
@@ -226,53 +219,81 @@ class Conduct:
         return None
 
 
-@dataclass(frozen=True)
-class Pace:
-    """The pace of the answers in a log.
+class Repeats:
+    """Chooses when an earlier question is put again, and which one.
 
-    Attributes
-    ----------
-    seconds
-        Seconds a question: the median of the person's own, once three are known.
-    spent
-        Seconds spent on all answers so far, without breaks.
-    hasty
-        Number of answers that came in under a second.
-    timed
-        Number of answers whose time is known.
+    In front of a ``share`` of the questions one is put again. The choice depends on the seed and on
+    the answers that stand, so that it is the same after a restart.
     """
 
-    seconds: float = SECONDS
-    spent: float = 0.0
-    hasty: int = 0
-    timed: int = 0
+    def __init__(self, log: AnswerLog, share: float, seed: Seed) -> None:
+        self._log = log
+        self._share = share
+        self.regular = False
+        """True if a question is also put again after every fourth answer, and after each repeat
+        that was answered otherwise."""
+        self._key = fold(key_of(seed), name_code("questions put again"))
+
+    def due(self) -> Query | None:
+        """Return the question to put again now, as a query with an id of its own, or None."""
+        standing = self._log.standing
+        if not standing or standing[-1].repeat or self._settled_last():
+            return None
+        first = [entry.answer for entry in standing if not entry.repeat]
+        chance, which = fold(self._key, len(first), [0, 1])
+        if uniform(chance) >= self._share and not (self.regular and self._behind()):
+            return None
+        return self._again(first, int(which))
+
+    def confirming(self) -> Query | None:
+        """Return the question to put again before the end, or None.
+
+        None if the checks suffice, or nothing is left to put again.
+        """
+        log = [*self._log]
+        conduct, again = Conduct.of(log), repeats_in(log)
+        if conduct.passed or conduct.like_chance or conduct.checks >= MOST_CHECKS:
+            return None
+        standing = self._log.standing
+        first = [entry.answer for entry in standing if not entry.repeat]
+        _, which = fold(self._key, len(first), [0, 1])
+        return self._again(first, int(which) + len(again))
+
+    def _behind(self) -> bool:
+        """Return whether there are fewer checks than there should be by now."""
+        conduct = Conduct.of([*self._log])
+        return conduct.checks < conduct.answered // _EVERY + conduct.differed
+
+    def _settled_last(self) -> bool:
+        """Return whether the last event was a repeat, which the person has settled."""
+        again = repeats_in(self._log)
+        return bool(again) and [*self._log][-1] is again[-1]
+
+    def _again(self, first: Sequence[Answer], which: int) -> Query | None:
+        """Return one of these answered queries as one to put again.
+
+        It is never the last one, which the person remembers.
+        """
+        again = {entry.metadata[REPEATS] for entry in repeats_in(self._log)}
+        may = [
+            said.query
+            for said in first[:-1]
+            if said.verdict is not None
+            and said.query.id not in again
+            and not said.query.id.startswith((ORDER, SETTLED))
+        ]
+        if not may:
+            return None
+        query = may[which % len(may)]
+        return replace(query, id=f"{query.id}{_AGAIN}")
 
     @staticmethod
-    def of(log: Iterable[Entry]) -> Pace:
-        """Return the pace of the answers of a log that stand."""
-        said = [entry.metadata.get("latency") for entry in log if entry.stands]
-        took = [float(one) for one in said if isinstance(one, int | float) and one >= 0]
-        own = median(took) if len(took) >= _KNOWN_AFTER else SECONDS
-        return Pace(
-            seconds=max(own, HASTY),
-            spent=sum(one if one <= _BREAK else own for one in took),
-            hasty=sum(one < HASTY for one in took),
-            timed=len(took),
-        )
+    def names(id: str) -> bool:
+        """Return whether an id is that of a question put again."""
+        return id.endswith(_AGAIN)
 
-    def remark(self) -> str | None:
-        """Return a sentence on answers that came very fast, or None if they were few."""
-        if self.hasty < FEW_HASTY or self.hasty < _HASTY_SHARE * self.timed:
-            return None
-        return (
-            f"{self.hasty} of {self.timed} answers came in under a second, which is hardly enough "
-            "to read a question."
-        )
-
-    def questions_in(self, minutes: int) -> int:
-        """Return how many more questions fit into so many minutes, of which some are spent."""
-        return max(0, round((60 * minutes - self.spent) / self.seconds))
-
-    def minutes_for(self, questions: float) -> int:
-        """Return how many whole minutes so many questions take, at least 1."""
-        return max(1, round(questions * self.seconds / 60))
+    def first_answer(self, query: Query) -> Answer | None:
+        """Return the answer that was given to a repeated query the first time."""
+        standing = self._log.standing
+        id = query.id.removesuffix(_AGAIN)
+        return next((e.answer for e in reversed(standing) if e.answer.query.id == id), None)

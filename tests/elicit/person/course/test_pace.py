@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from elicit import Answer, AnswerLog, Query
-from elicit.person.course.conduct import SECONDS, Pace
+from elicit.person.course.pace import SECONDS, Pace
 
 
 def log_of(*latencies: float | None) -> AnswerLog:

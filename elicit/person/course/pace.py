@@ -1,0 +1,71 @@
+"""The pace of a person: seconds a question, and answers that came too fast to be meant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from statistics import median
+
+from elicit.tutors.answer_log import Entry
+
+SECONDS = 20.0
+"""Seconds that a question is taken to last until the person's own pace is known."""
+HASTY = 1.0
+"""Seconds in which hardly anyone reads a question."""
+FEW_HASTY = 3
+"""Answers in under a second that are worth a remark."""
+_HASTY_SHARE = 0.2  # share of them that is worth a remark at the end
+_KNOWN_AFTER = 3  # answers
+_BREAK = 300.0  # seconds: whoever takes longer was away, and the rest does not count
+
+
+@dataclass(frozen=True)
+class Pace:
+    """The pace of the answers in a log.
+
+    Attributes
+    ----------
+    seconds
+        Seconds a question: the median of the person's own, once three are known.
+    spent
+        Seconds spent on all answers so far, without breaks.
+    hasty
+        Number of answers that came in under a second.
+    timed
+        Number of answers whose time is known.
+    """
+
+    seconds: float = SECONDS
+    spent: float = 0.0
+    hasty: int = 0
+    timed: int = 0
+
+    @staticmethod
+    def of(log: Iterable[Entry]) -> Pace:
+        """Return the pace of the answers of a log that stand."""
+        said = [entry.metadata.get("latency") for entry in log if entry.stands]
+        took = [float(one) for one in said if isinstance(one, int | float) and one >= 0]
+        own = median(took) if len(took) >= _KNOWN_AFTER else SECONDS
+        return Pace(
+            seconds=max(own, HASTY),
+            spent=sum(one if one <= _BREAK else own for one in took),
+            hasty=sum(one < HASTY for one in took),
+            timed=len(took),
+        )
+
+    def remark(self) -> str | None:
+        """Return a sentence on answers that came very fast, or None if they were few."""
+        if self.hasty < FEW_HASTY or self.hasty < _HASTY_SHARE * self.timed:
+            return None
+        return (
+            f"{self.hasty} of {self.timed} answers came in under a second, which is hardly enough "
+            "to read a question."
+        )
+
+    def questions_in(self, minutes: int) -> int:
+        """Return how many more questions fit into so many minutes, of which some are spent."""
+        return max(0, round((60 * minutes - self.spent) / self.seconds))
+
+    def minutes_for(self, questions: float) -> int:
+        """Return how many whole minutes so many questions take, at least 1."""
+        return max(1, round(questions * self.seconds / 60))
