@@ -303,13 +303,8 @@ class Beside(Closing):
         if now is not None and now.ahead is not None and now.ahead.waits_for(asker, pending):
             ahead = now.ahead  # ``shown`` is, or was, a repeat
         elif session.makes_askers and not self._rounded(pending) and not other:
-            ahead = LookAhead(
-                asker,
-                twin,
-                pending,
-                shown_of(self._subject, pending).swapped,
-                session.answering(pending),
-            )
+            swapped = shown_of(subject, pending).swapped
+            ahead = LookAhead(asker, twin, pending, swapped, session.answering(pending))
         counted = not session.is_repeat(shown.id)
         outlook = Outlook(
             twin, shown, pending, subject.stakes, self._ends, subject.seed, before, since, counted

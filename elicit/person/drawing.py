@@ -23,7 +23,7 @@ from elicit.person.next_question import NextQuestion
 from elicit.person.outlook import Prospect
 from elicit.person.report import ReportDetails, report_page
 from elicit.person.session import Session
-from elicit.person.showing import Shown, Subject, drawn, legend_of, printable, shown_of
+from elicit.person.showing import Shown, Subject, drawn, legend_of, printable, said_of, shown_of
 from elicit.tutors.answer_log import Entry
 
 MINUTES = (5, 10, 20)
@@ -182,7 +182,7 @@ class Drawing:
         shown = self._as_put(entry)
         return {
             "name": name,
-            "sentence": self.sentence(entry),
+            "sentence": said_of(self._subject, entry.answer),
             "chosen": choice_of(entry.answer),
             "question": drawn(shown, 0),
         }
@@ -201,7 +201,7 @@ class Drawing:
             {
                 "id": entry.answer.query.id,
                 "number": number,
-                "sentence": self.sentence(entry),
+                "sentence": said_of(self._subject, entry.answer),
                 "shown": _in_words(self._as_put(entry)),
                 "verdict": entry.answer.verdict,
                 "time": entry.metadata.get("time"),
@@ -270,7 +270,7 @@ class Drawing:
         """
         if what == "answers":
             return [
-                answer_row(number, entry, self._as_put(entry), self.sentence(entry))
+                answer_row(number, entry, self._as_put(entry), said_of(self._subject, entry.answer))
                 for number, entry in enumerate(self._session.log, 1)
             ]
         if what == "scale":
@@ -394,16 +394,12 @@ class Drawing:
                 {
                     "id": entry.answer.query.id,
                     "number": numbers[entry.answer.query.id],
-                    "sentence": self.sentence(entry),
+                    "sentence": said_of(self._subject, entry.answer),
                 }
                 for entry in among
             ]
             for among in self._conflicts_found()
         ]
-
-    def sentence(self, entry: Entry) -> str:
-        """Return an answer in words."""
-        return shown_of(self._subject, entry.answer.query).sentence(entry.answer.verdict)
 
 
 def _in_words(shown: Shown) -> str:

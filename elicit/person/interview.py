@@ -134,7 +134,7 @@ from elicit.person.course.start import START
 from elicit.person.drawing import Drawing
 from elicit.person.next_question import NextQuestion
 from elicit.person.session import Session
-from elicit.person.showing import Shown, drawn, legend_of, practice, printable, shown_of
+from elicit.person.showing import Shown, drawn, legend_of, practice, printable, said_of, shown_of
 from elicit.person.showing import Subject as Subject
 from elicit.tutors.answer_log import CONTRADICTS, REPEATS, Entry
 
@@ -333,8 +333,8 @@ class Interview(Closing):
 
     def _screen(self, note: str | None = None) -> dict[str, Any]:
         session, words = self._session, self._subject.words
-        standing = session.log.standing
-        screen = self._screen_of(standing, note)
+        standing, conduct = session.log.standing, session.conduct()
+        screen = self._screen_of(standing, conduct, note)
         if not standing and not self._practised and not self._chosen.stopped:
             if not self._started and session.question() is not None:
                 self.shown = None
@@ -345,7 +345,6 @@ class Interview(Closing):
                 self.shown = shown
                 self._beside.start(self._first_question())
                 return {**screen, "stage": "practice", "question": drawn(shown, 0)}
-        conduct = session.conduct()
         caution = (
             conduct.caution()
             if conduct.given >= self._chosen.heard + _MORE_AFTER_CAUTION
@@ -390,12 +389,14 @@ class Interview(Closing):
         self._put = None
         self._beside.forget()
 
-    def _screen_of(self, standing: Sequence[Entry], note: str | None) -> dict[str, Any]:
+    def _screen_of(
+        self, standing: Sequence[Entry], conduct: Conduct, note: str | None
+    ) -> dict[str, Any]:
         """Return the parts of a screen that do not depend on its stage."""
         words = self._subject.words
         last = standing[-1].answer if standing else None
         pace = Pace.of(self._session.log)
-        sentence = self._drawing.sentence
+        said = last and {"id": last.query.id, "sentence": said_of(self._subject, last)}
         return {
             "title": printable(words.title),
             "preamble": printable(words.preamble),
@@ -405,9 +406,9 @@ class Interview(Closing):
             "answered": sum(not entry.repeat for entry in standing),
             "checks": sum(entry.repeat for entry in standing),
             "open_conflicts": sum(CONTRADICTS in e.metadata and not e.used for e in standing),
-            "budget": self._planned(),
+            "budget": self._planned(conduct),
             "time": {"planned": self._chosen.minutes, "spent": pace.spent, "pace": pace.seconds},
-            "last": last and {"id": last.query.id, "sentence": sentence(standing[-1])},
+            "last": said,
             "note": note,
             "welcome": None,
             "question": None,
@@ -416,12 +417,12 @@ class Interview(Closing):
             "end": None,
         }
 
-    def _planned(self) -> int | None:
+    def _planned(self, conduct: Conduct) -> int | None:
         """Return the number of questions that the person planned, or has time for, or None."""
         if self._chosen.minutes is None:
             return self._chosen.budget
-        log = self._session.log
-        return self._session.conduct().answered + Pace.of(log).questions_in(self._chosen.minutes)
+        pace = Pace.of(self._session.log)
+        return conduct.answered + pace.questions_in(self._chosen.minutes)
 
     def _keep(self) -> None:
         """Log the person's choices while no question is on the screen, with the one that waits."""
@@ -476,7 +477,7 @@ class Interview(Closing):
                 return self._screen()  # the answer was sent twice
             return self._screen(
                 "That question was already answered, perhaps in another window: "
-                f"{self._drawing.sentence(said)}. That answer stands. You can take it back."
+                f"{said_of(self._subject, said.answer)}. That answer stands. You can take it back."
             )
         verdict = shown_of(self._subject, query).verdict(choice)  # type: ignore[arg-type]  # which raises ValueError
         waits = self._session.next_told()
@@ -513,7 +514,7 @@ class Interview(Closing):
                     stop,
                 ],
             }
-        planned, minutes = self._planned(), self._chosen.minutes
+        planned, minutes = self._planned(conduct), self._chosen.minutes
         if planned is not None and n >= planned and self._session.question() is not None:
             return {
                 "heading": f"You planned {planned} questions, and answered {n}"
@@ -530,8 +531,9 @@ class Interview(Closing):
             raise ValueError(f"option must be 'other', 'on' or 'finish', not {option[:40]!r}")
         if option == "finish":
             return self._finish()
-        self._chosen.offered = self._session.conduct().answered
-        planned = self._planned()
+        conduct = self._session.conduct()
+        self._chosen.offered = conduct.answered
+        planned = self._planned(conduct)
         if planned is not None and self._chosen.offered >= planned:
             self._chosen.budget = self._chosen.minutes = None
         if option == "other":
@@ -544,7 +546,8 @@ class Interview(Closing):
         return self._screen()
 
     def _result(self) -> dict[str, Any]:
-        screen = self._screen_of(self._session.log.standing, None)
+        session = self._session
+        screen = self._screen_of(session.log.standing, session.conduct(), None)
         return {**screen, "stage": "end", "end": self._drawing.end(False)}
 
     def _go_on(self) -> dict[str, Any]:

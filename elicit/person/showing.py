@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from elicit._support.validation import is_list, is_whole, require
-from elicit.model.query import Query, Verdict
+from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats
 from elicit.person.course.conclusion import Conclusion, SessionFacts
 
@@ -414,6 +414,11 @@ def practice(labels: Sequence[str], words: Words = Words(), of: int = 10, seed: 
 def shown_of(subject: Subject, query: Query) -> Shown:
     """Return a question as the person sees it."""
     return show(query, subject.words, subject.of, subject.seed, subject.labels)
+
+
+def said_of(subject: Subject, answer: Answer) -> str:
+    """Return an answer in words, as ``Shown.sentence`` has it."""
+    return shown_of(subject, answer.query).sentence(answer.verdict)
 
 
 def drawn(shown: Shown, number: int) -> dict[str, Any]:
