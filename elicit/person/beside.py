@@ -22,7 +22,7 @@ from elicit.model.query import Answer, Query, Verdict
 from elicit.person.asker import AfterAnswer, Asker, Supposed, tell
 from elicit.person.background import Background, MadeAhead, Turns
 from elicit.person.course.choices import Choices
-from elicit.person.course.conduct import LEAST_CHECKS
+from elicit.person.course.conduct import AGAIN, LEAST_CHECKS, ORDER
 from elicit.person.course.consequences import Consequences
 from elicit.person.course.level_questions import LEVEL
 from elicit.person.course.pace import Pace
@@ -32,6 +32,8 @@ from elicit.person.session import Session
 from elicit.person.showing import Shown, Subject, shown_of
 from elicit.tutors.answer_log import REPEATS
 
+_CHECK = "Some questions check earlier answers. What they show makes the result surer."
+_ORDER = "This question checks that you see the levels in the order in which they are listed."
 _FURTHER = "This question makes sure that the result does not depend on too few answers."
 _LIKELY_FIRST = (Verdict.BETTER, Verdict.WORSE, Verdict.EQUAL, None)
 
@@ -340,6 +342,7 @@ class Beside(Closing):
         outlook = now.outlook if now is not None and now.shown == id else None
         if outlook is None:
             why = [_FURTHER] if id.startswith(LEVEL) and not self._chosen.more else []
+            why = [_CHECK] if id.endswith(AGAIN) else why
             to_come = None if self._chosen.more else self._as_forecast()
             return {
                 "id": id,
@@ -356,6 +359,10 @@ class Beside(Closing):
             else [max(answers, number) + checks for number in outlook.to_come]
         )
         why = [*outlook.why]
+        if not outlook.counted:
+            why = [_CHECK]
+        elif id.startswith(ORDER):
+            why = [_ORDER]
         at_least = answers + checks
         return {"id": id, "why": why, "to_come": to_come, "at_least": at_least, "ready": ready}
 

@@ -75,13 +75,16 @@ class Drawing:
         if 2 * found.settled > n or math.isnan(found.loss):
             return said
         most = in_unit(found.loss, words.unit, self._subject.labels, words.loss)
-        return printable(f"{said} In half of them it could lose at most as much as {most}.")
+        return printable(f"{said} In half of all {n}, what could still be lost was at most {most}.")
 
     def _before(self, loss: float) -> str:
         """Return a sentence on what could be lost before the first answer."""
         words = self._subject.words
         most = in_unit(loss, words.unit, self._subject.labels, words.loss)
-        return f"Before your first answer, the result could lose as much as {most}."
+        return (
+            f"Before your first answer, the result could be worse than your best one by as much as "
+            f"{most}."
+        )
 
     def _conflicts_found(self) -> tuple[tuple[Entry, ...], ...]:
         """Return ``Session.conflicts``, which are computed once for the same answers."""
@@ -165,7 +168,8 @@ class Drawing:
         What the result could then lose is not said: people took the choice that lost least, and
         not the one they meant.
         """
-        kept = f"Keeps {after.used} of {after.of} answers."
+        dropped = after.of > after.used
+        kept = f"Keeps {after.used} of {after.of} answers." if dropped else ""
         if not isinstance(after.asker, Compares):
             return kept
         names = [printable(self._subject.labels[i]) for i in levels]
@@ -176,7 +180,7 @@ class Drawing:
             for row in scale_rows(after.asker.comparator, self._subject.labels)
             if row.label in names
         ]
-        return printable(" ".join([*worth, kept]))
+        return printable(" ".join([*worth, kept]).strip())
 
     def _as_shown(self, entry: Entry, name: str) -> dict[str, Any]:
         shown = self._as_put(entry)
@@ -315,7 +319,8 @@ class Drawing:
         addable = may_add and self._questions.about_a_level() is not None
         left = (not over and not open_still) or addable
         caution = conduct.caution(at_end=True) if subject.least else None
-        headline, after, said = found.headline, found.next, [*found.statements]
+        headline, said = found.headline, [*found.statements]
+        after = f"{found.next} {found.more if left else ''}".strip()
         start = self._questions.at_start() if found.headline else None
         sure, before, changes = found.sure, found.before, found.changes
         if not conduct.with_verdict and start is not None and not start.finished:
@@ -329,7 +334,7 @@ class Drawing:
             after = "More answers would show whether this holds."
         elif found.headline and caution is not None:
             headline = "Do not rely on this result."
-            after = "Take back what you do not mean, or answer more questions."
+            after = "A few more answers can change that. Take back any that you do not mean."
             if_meant = f"If every answer is meant as it was given: {found.headline} {found.sure}"
             said.append(if_meant.strip())
             sure = before = ""

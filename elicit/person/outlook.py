@@ -106,7 +106,7 @@ class Outlook:
         self._stakes, self._ends, self._seed = stakes, ends, seed
         self._before: Outlook | None = before
         self._answered: list[Verdict | None] = since
-        self._counted = counted
+        self.counted = counted
         self._plays: list[_Play] = []
         if (
             before is not None
@@ -174,7 +174,7 @@ class Outlook:
     def _count(self, fewest: int) -> None:
         played = sorted(len(play.answers) for play in self._plays if play.over)
         if len(played) >= fewest:
-            self.to_come = played[0] - self._counted, played[-2] - self._counted
+            self.to_come = played[0] - self.counted, played[-2] - self.counted
 
 
 def plausible_tutors(

@@ -66,13 +66,13 @@ def policy_conclusion(
     """
     bound = result.loss_bound
     settled = bound <= told.tolerance
-    most = told.loss(bound)
+    most, more = told.loss(bound), ""
     if np.isnan(bound):
         headline = "How much your plan could lose cannot be stated."
         after = "Another comparator can state it."
     elif settled:
-        headline = f"Your plan is settled. At worst it falls short of your ideal plan by {most}."
-        after = "You can stop here. More answers would narrow the values below."
+        headline = f"Your plan is settled. It falls short of your ideal plan by at most {most}."
+        after, more = "You can stop here.", "More answers would narrow the values below."
     else:
         headline = (
             f"Your plan is not settled. It could still fall short of your ideal plan by {most}."
@@ -81,7 +81,8 @@ def policy_conclusion(
             Status.CALLED_EQUAL: "What is still open, you called equally good.",
             Status.UNSURE: "Where you could not tell, the plan follows the best guess.",
             Status.EXHAUSTED: "Every question that would help was answered, or you could not tell.",
-        }.get(result.status, f"More answers help. We stop below {told.loss(told.tolerance)}.")
+        }.get(result.status, "")
+        more = "" if after else f"More answers help. We stop below {told.loss(told.tolerance)}."
     unasked = (
         ""
         if before is None
@@ -91,6 +92,7 @@ def policy_conclusion(
         headline=headline,
         sure=_sure(result),
         next=after,
+        more=more,
         before=unasked,
         changes=_changes(told, mdp, action_words, result),
         result=_whole_policy(mdp, action_words, result),
@@ -203,18 +205,19 @@ def choice_conclusion(
 
     ``shares`` (n, k) has a row for each alternative.
     """
-    most, sure = told.loss(result.loss_bound), _sure(result)
+    most, sure, best = told.loss(result.loss_bound), _sure(result), printable(result.name)
     settled = choice_holds(told, result)
     no_better = "No other alternative is better"
     no_better += f" by more than {most}." if result.loss_bound > 0 else "."
     if settled:
-        as_far = "" if result.status is Status.DONE else ", as far as you tell them apart"
-        headline = f"By your answers “{result.name}” is best{as_far}. {no_better}"
+        equal = ", or as good as any" if result.status is Status.CALLED_EQUAL else ""
+        headline = f"By your answers “{result.name}” is best{equal}. {no_better}"
         after = "You can stop here."
-        after += " More answers would make it surer." if result.loss_bound > 0 else ""
+        more = "More answers would make it surer." if result.loss_bound > 0 else ""
     else:
         headline = f"The choice is open. The best guess so far is “{result.name}”."
-        after = f"Another alternative may be better by as much as {most}. {sure} More answers help."
+        after = f"Another alternative may be better by as much as {most}. {sure}"
+        more = "More answers help."
         sure = ""  # it belongs to that sentence, not to the headline
     unasked = (
         ""
@@ -222,14 +225,16 @@ def choice_conclusion(
         else "Before your first answer another alternative could have been better by as much as "
         f"{told.loss(before)}."
     )
-    rows = tuple((name, "chosen" if name == result.name else "") for name in names)
+    worth = _worth(told, names, shares, result)
+    rows = tuple((row[0], *row[-2:], "chosen" if row[0] == best else "") for row in worth.rows)
     return Conclusion(
         headline=headline,
         sure=sure,
         next=after,
+        more=more,
         before=unasked,
-        changes=_worth(told, names, shares, result),
-        result=ResultTable("", ("alternative", "choice"), rows),
+        changes=worth,
+        result=ResultTable("", ("alternative", "worth", "range", "choice"), rows),
         settled=settled,
         early=f"By your answers so far “{result.name}” is best. They are not checked yet.",
     )
@@ -238,10 +243,13 @@ def choice_conclusion(
 def choice_holds(told: InWords, result: Choice) -> bool:
     """Return whether no question is left, and no other alternative is better by the tolerance.
 
-    Each pair may be decided with 95% probability while all of them together are not.
+    Each pair may be decided with 95% probability while all of them together are not. A pair that
+    the person cannot tell apart need not matter: then the bound says so.
     """
-    decided = result.status in (Status.DONE, Status.CALLED_EQUAL)
-    return decided and (result.confidence == 1.0 or not result.loss_bound > told.tolerance)
+    if result.status in (Status.DONE, Status.CALLED_EQUAL) and result.confidence == 1.0:
+        return True
+    ended = result.status in (Status.DONE, Status.CALLED_EQUAL, Status.UNSURE, Status.EXHAUSTED)
+    return ended and bool(result.loss_bound <= told.tolerance)
 
 
 def _worth(told: InWords, names: Sequence[str], shares: Floats, result: Choice) -> ResultTable:

@@ -197,9 +197,16 @@ def _facts(
     assumed = {
         "polytope": "It assumes that every answer you gave is right. One wrong answer can make it "
         "wrong.",
-        "posterior": "It allows for errors, and holds with 95% probability on average over the "
-        "scales that it assumed before your first answer.",
+        "posterior": "The 95% allows for slips. It is an average over many possible people, not a "
+        "promise for each of them.",
     }
+    limits = [assumed[comparator]] if comparator in assumed else []
+    limits.append("Only the outcomes that were shown are compared, and nothing else about them.")
+    if name == "icu-sepsis":
+        limits.append(
+            "The plan comes from a statistical model of recorded treatments, and is not clinically "
+            "plausible in every state."
+        )
     if like:
         people = f"{len(like)} earlier {'person' if len(like) == 1 else 'people'}"
         more = (*more, ("Prior", f"learned from {people}: {', '.join(map(str, like))}"))
@@ -209,7 +216,7 @@ def _facts(
         *more,
         ("Seed", f"{seed}"),
     )
-    return SessionFacts(of, (assumed[comparator],) if comparator in assumed else ())
+    return SessionFacts(of, tuple(limits))
 
 
 def _header(labels: tuple[str, ...], fingerprint: str, words: Words, **more: Any) -> dict[str, Any]:

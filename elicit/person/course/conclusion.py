@@ -42,6 +42,8 @@ class Conclusion:
         How sure it is.
     next
         What to do now.
+    more
+        What more answers would do; it follows ``next`` if there is a question left.
     before
         What could be lost before the first answer; "" if unknown.
     statements
@@ -60,6 +62,7 @@ class Conclusion:
     headline: str = ""
     sure: str = ""
     next: str = ""
+    more: str = ""
     before: str = ""
     statements: tuple[str, ...] = ()
     changes: ResultTable | None = None
@@ -125,9 +128,9 @@ def in_unit(share: float, unit: str, labels: Sequence[str], own: str = "") -> st
     Returns
     -------
     str
-        Such as "3.8 in 100 days being “worst” instead of “best”".
+        Such as "3.8 in 100 days at “worst” instead of “best”".
     """
     n = per_hundred(share)
     if own:
         return own.replace("{n}", n)
-    return f"{n} {unit} being “{labels[0]}” instead of “{labels[-1]}”"
+    return f"{n} {unit} at “{labels[0]}” instead of “{labels[-1]}”"

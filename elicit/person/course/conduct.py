@@ -43,7 +43,7 @@ MOST_CHECKS = 11
 """Checks after which whoever has not passed is told so."""
 _MORE_ALIKE = 2  # further checks that must be answered alike for each that was not
 _EVERY = 4  # answers for each check, where the interview wants some
-_AGAIN = " again"  # suffix of the id of a query that is put again
+AGAIN = " again"  # suffix of the id of a query that is put again
 
 
 def choice_of(answer: Answer) -> Kind:
@@ -162,7 +162,7 @@ class Conduct:
         as_well = sum(math.comb(self.checks, n) for n in range(self.differed + 1))
         cases = 2**self.checks // as_well
         often = "half of the cases or more" if cases < 2 else f"at most 1 of {cases} cases"
-        return f"Answers by chance would do as well in {often}."
+        return f"Someone who guesses would do as well in {often}."
 
     @property
     def offers(self) -> bool:
@@ -204,7 +204,7 @@ class Conduct:
         if back >= _TAKEN_BACK and back >= _SHARE_TAKEN_BACK * self.given:
             return (
                 f"You took back {back} answers because they contradicted others. Perhaps one that "
-                "you kept is not what you mean. Answers given by chance would look the same."
+                "you kept is not what you mean. Your answers cannot be told from guesses yet."
             )
         few_alike = 2 * self.differed >= max(self.checks, 1) or (
             self.differed >= _DIFFERED and not self.passed
@@ -213,8 +213,8 @@ class Conduct:
         if self.like_chance or failed or (at_end and few_alike):
             return (
                 f"You answered {self.differed} of {self.checks} check questions differently from "
-                "before, or against the order of the levels. Answers given by chance would look "
-                "the same."
+                "before, or against the order of the levels. With so few checks your answers "
+                "cannot be told from guesses."
             )
         return None
 
@@ -285,15 +285,15 @@ class Repeats:
         if not may:
             return None
         query = may[which % len(may)]
-        return replace(query, id=f"{query.id}{_AGAIN}")
+        return replace(query, id=f"{query.id}{AGAIN}")
 
     @staticmethod
     def names(id: str) -> bool:
         """Return whether an id is that of a question put again."""
-        return id.endswith(_AGAIN)
+        return id.endswith(AGAIN)
 
     def first_answer(self, query: Query) -> Answer | None:
         """Return the answer that was given to a repeated query the first time."""
         standing = self._log.standing
-        id = query.id.removesuffix(_AGAIN)
+        id = query.id.removesuffix(AGAIN)
         return next((e.answer for e in reversed(standing) if e.answer.query.id == id), None)

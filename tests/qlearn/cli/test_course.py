@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from elicit import AnswerLog, Bags, Interview, Session
+from elicit.model.outcomes import Status
 from elicit.person.course.conduct import ORDER
 from elicit.person.outlook import Prospects
 from qlearn import expected_bounds, policy_loss, random_mdp
@@ -111,7 +112,7 @@ def test_most_who_answer_by_chance_get_an_end_that_says_so() -> None:
         end = screen["end"]
         said += end["caution"] is not None
         # who passes all checks by chance cannot be told from one who means it
-        assert end["by_chance"].startswith("Answers by chance would do as well in ")
+        assert end["by_chance"].startswith("Someone who guesses would do as well in ")
         if end["caution"] is None and end["settled"]:
             cases = int(end["by_chance"].split(" of ")[1].split()[0])
             assert cases >= 25
@@ -320,7 +321,7 @@ def test_a_budget_is_said_once_and_the_person_can_go_on() -> None:
         Interview(session, told.subject) as interview,
     ):
         assert interview.handle({"do": "state"})["welcome"]["before"].startswith(
-            "Before your first answer, the result could lose as much as "
+            "Before your first answer, the result could be worse than your best one by as much as "
         )
         interview.handle({"do": "start", "who": "  Ann\x1b ", "budget": "3"})
         person = Person(interview, truthful(np.array([0, 0.2, 0.45, 0.7, 1.0])))
@@ -570,7 +571,7 @@ def test_each_choice_of_a_conflict_says_what_it_leaves(choice: int) -> None:
         said = left["choices"][choices[choice]]
         interview.handle({"do": "settle", "id": conflict["id"], "choice": choices[choice]})
         used = sum(e.used and e.answer.verdict is not None for e in log)
-        assert said.endswith(f"Keeps {used} of {n} answers.")
+        assert said.endswith(f"Keeps {used} of {n} answers.") == (used < n)
         rows = {row["label"]: row for row in interview.handle({"do": "result"})["end"]["scale"]}
         worth = re.findall(r"Then “(.+?)” is worth (\d+) to (\d+)\.", said)
         assert worth or "can be worth anything" in said
@@ -633,3 +634,27 @@ def test_a_choice_is_settled_only_if_no_other_alternative_is_better_by_the_toler
         if answers < 99:
             assert "is best" not in end["headline"]
             assert "You can stop here" not in end["next"]
+
+
+@pytest.mark.parametrize("number", [3, 5])
+def test_one_question_that_cannot_be_told_does_not_leave_a_choice_open(
+    care: str, number: int
+) -> None:
+    told, asked = taught_by(care, "posterior", 10, None, 0, 0.01), []
+    answer = truthful([0, 0.45, 0.9, 1])
+
+    def says(question: dict[str, Any]) -> str:
+        asked.append(question["id"])
+        return "cannot tell" if len(asked) == number else answer(question)
+
+    with (
+        Session(told.make, AnswerLog(), audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        end = Person(interview, says).until("end")["end"]
+        assert session.result().status is Status.UNSURE
+        assert session.result().loss_bound <= 0.01
+        assert end["settled"]
+        assert "is best" in end["headline"]
+        assert len(asked) < 40
+        assert "More answers help" not in end["next"]

@@ -159,7 +159,7 @@ def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: P
     said = report(teach.shown)
     sure = "if your answers are right" if comparator == "polytope" else "with 95% probability"
     loss = (
-        r"settled. At worst it falls short of your ideal plan by ([\d.]+) in 100 days being "
+        r"settled. It falls short of your ideal plan by at most ([\d.]+) in 100 days being "
         r"“level 1” instead of "
         rf"“level 5”. This holds {sure}\."
     )
@@ -206,7 +206,7 @@ def test_where_no_bags_tell_more_whole_numbers_near_the_shares_go_on(
     )
     assert "There are no more questions" in said
     assert "(Rounded" not in said  # else what is certified could be untrue
-    bound = re.search(r"At worst it falls short of your ideal plan by ([\d.]+) in 100", said)
+    bound = re.search(r"It falls short of your ideal plan by at most ([\d.]+) in 100", said)
     assert bound
     assert float(bound[1]) <= 0.1
     log = AnswerLog.read(tmp_path / "answers-random.jsonl")
@@ -237,7 +237,9 @@ def test_a_smaller_tolerance_goes_on_where_a_greater_one_ended(
         assert (f"Going on after {answered[-1]} answer" in said) == (answered[-1] > 0)
         bounds += [
             float(found) / 100
-            for found in re.findall(r"falls short of your ideal plan by ([\d.]+) in 100", said)
+            for found in re.findall(
+                r"falls short of your ideal plan by at most ([\d.]+) in 100", said
+            )
         ]
         assert bounds[-1] <= float(tolerance)
         answered.append(len(told(tmp_path / "answers-random.jsonl")))
@@ -286,9 +288,7 @@ def test_a_choice_from_a_csv(lets_answer: Callable[..., str], tmp_path: Path) ->
         " ".join(shown.split()),
     )
     said = " ".join(shown.split())
-    assert (
-        "By your answers “new” is best, as far as you tell them apart. No other alternative" in said
-    )
+    assert "By your answers “new” is best, or as good as any. No other alternative" in said
     assert "(Rounded" not in shown
     log = AnswerLog.read(tmp_path / "answers-care.jsonl")
     assert log.header["unit"] == "patients"
@@ -350,7 +350,7 @@ def test_what_a_choice_can_lose_is_the_same_of_counts_and_of_shares(tmp_path: Pa
         said.append((course.subject.stakes(result), concluded.next))
     assert said[0] == said[1]
     lost = re.search(
-        r"better by as much as ([\d.]+) in 100 outcomes being “died” instead of “well”",
+        r"better by as much as ([\d.]+) in 100 outcomes at “died” instead of “well”",
         str(said[0][0]),
     )
     assert lost
@@ -537,7 +537,7 @@ def test_choices_of_a_conflict_say_what_each_leaves(
     _, shown, _ = taught(typed, monkeypatch, capsys, table, "--comparator", "polytope")
     said = " ".join(shown.split())
     worth = r"Then “ill” (is worth \d+ to \d+|can be worth anything)\."
-    assert re.search(rf"1: [^:]+?\. {worth} Keeps \d+ of \d+ answers\.", said)
+    assert re.search(rf"1: [^:]+?\. {worth}( Keeps \d+ of \d+ answers\.)?", said)
 
 
 def test_words_that_a_table_lacks_are_asked_for_and_written_beside_it(
@@ -756,7 +756,7 @@ def test_a_family_is_taught_in_its_own_words_and_a_seed_draws_it(
     )
     assert "A steady post or a venture" in shown
     assert "Two groups of 10 years" in shown
-    assert "At worst it falls short of your ideal plan by" in report(shown)
+    assert "It falls short of your ideal plan by at most" in report(shown)
 
 
 def test_two_people_in_one_folder_have_a_log_each(

@@ -105,7 +105,7 @@ def test_checks_are_passed_or_look_like_chance(
 ) -> None:
     one = Conduct(20, 20, alike + differed, differed, "a", 1)
     assert (one.passed, one.like_chance) == (passed, chance)
-    assert one.by_chance == f"Answers by chance would do as well in {cases}."
+    assert one.by_chance == f"Someone who guesses would do as well in {cases}."
     assert (one.caution() is not None) == (chance or (one.checks >= 11 and not passed))
 
 
