@@ -1,4 +1,4 @@
-"""How a person answers, from the log alone, and the earlier questions put again to see it.
+"""Conduct of a person, from the log alone, and the earlier questions that are put again to see it.
 
 A check is a question whose answer can be compared with something: an earlier question put again, or
 two neighbouring levels, whose order is known. Whoever answers by chance differs in about half of
