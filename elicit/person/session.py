@@ -191,7 +191,7 @@ class Session(Closing):
         """
         query = self.next_told()
         if query is not None:
-            query = self._repeats.due() or self._in_place_of(query) or query
+            query = self._repeats.due(self.conduct()) or self._in_place_of(query) or query
         elif self.choose_extra is not None and self.makes_askers:
             query = self.choose_extra()
         if query is not None:
@@ -227,11 +227,11 @@ class Session(Closing):
 
     def confirming(self) -> Query | None:
         """Return an earlier question to put again before the end, or None."""
-        return self._repeats.confirming() if self.audits else None
+        return self._repeats.confirming(self.conduct()) if self.audits else None
 
     def checking(self) -> Query | None:
         """Return an earlier question that it is time to put again, or None."""
-        return self._repeats.due() if self.audits else None
+        return self._repeats.due(self.conduct()) if self.audits else None
 
     def at_start(self) -> Asker | None:
         """Return a new asker that knows no answer, or None if the session cannot make one."""
@@ -571,7 +571,7 @@ class Session(Closing):
         """Return the query of this id, if it waits for an answer."""
         waits = self.next_told()
         if waits is not None:
-            others = (self._repeats.due(), self._in_place_of(waits))
+            others = (self._repeats.due(self.conduct()), self._in_place_of(waits))
         elif self.choose_extra is not None and self.makes_askers:
             others = (self.choose_extra(), None)
         else:

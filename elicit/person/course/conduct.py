@@ -234,35 +234,39 @@ class Repeats:
         that was answered otherwise."""
         self._key = fold(key_of(seed), name_code("questions put again"))
 
-    def due(self) -> Query | None:
-        """Return the question to put again now, as a query with an id of its own, or None."""
+    def due(self, conduct: Conduct) -> Query | None:
+        """Return the question to put again now, as a query with an id of its own, or None.
+
+        Parameters
+        ----------
+        conduct : Conduct
+            That of the log so far.
+        """
         standing = self._log.standing
         if not standing or standing[-1].repeat or self._settled_last():
             return None
         first = [entry.answer for entry in standing if not entry.repeat]
         chance, which = fold(self._key, len(first), [0, 1])
-        if uniform(chance) >= self._share and not (self.regular and self._behind()):
+        if uniform(chance) >= self._share and not (self.regular and _behind(conduct)):
             return None
         return self._again(first, int(which))
 
-    def confirming(self) -> Query | None:
+    def confirming(self, conduct: Conduct) -> Query | None:
         """Return the question to put again before the end, or None.
 
         None if the checks suffice, or nothing is left to put again.
+
+        Parameters
+        ----------
+        conduct : Conduct
+            That of the log so far.
         """
-        log = [*self._log]
-        conduct, again = Conduct.of(log), repeats_in(log)
         if conduct.passed or conduct.like_chance or conduct.checks >= MOST_CHECKS:
             return None
         standing = self._log.standing
         first = [entry.answer for entry in standing if not entry.repeat]
         _, which = fold(self._key, len(first), [0, 1])
-        return self._again(first, int(which) + len(again))
-
-    def _behind(self) -> bool:
-        """Return whether there are fewer checks than there should be by now."""
-        conduct = Conduct.of([*self._log])
-        return conduct.checks < conduct.answered // _EVERY + conduct.differed
+        return self._again(first, int(which) + len(repeats_in(self._log)))
 
     def _settled_last(self) -> bool:
         """Return whether the last event was a repeat, which the person has settled."""
@@ -297,3 +301,8 @@ class Repeats:
         standing = self._log.standing
         id = query.id.removesuffix(AGAIN)
         return next((e.answer for e in reversed(standing) if e.answer.query.id == id), None)
+
+
+def _behind(conduct: Conduct) -> bool:
+    """Return whether there are fewer checks than there should be by now."""
+    return conduct.checks < conduct.answered // _EVERY + conduct.differed
