@@ -317,7 +317,8 @@ class Prospects:
         Returns whether a session ends in front of a query.
     enough : callable, optional
         Returns whether a result is sure enough to end. A session whose result is not counts as
-        one that did not end.
+        one that did not end. An interview then goes on with questions of its own, which are not
+        simulated; if that happens in half of the sessions, there is no forecast.
     """
 
     def __init__(
@@ -332,6 +333,7 @@ class Prospects:
         self.questions = tuple(questions)
         self._losses: list[list[float]] = []  # of each session, after each number of questions
         self._lengths: list[float] = []  # inf: the session did not end
+        self._cut_off = 0  # sessions in which the interview would ask on by itself
         self.ready = False
         """True if nothing will be added."""
 
@@ -355,6 +357,7 @@ class Prospects:
                     losses.append(_loss_of(asker))
                     yield
                 ended = self._enough is None or self._enough(copy.deepcopy(asker).result())
+                self._cut_off += not ended and asked < _proving(self.questions[-1])
                 self._losses.append(losses)
                 self._lengths.append(asked if ended else math.inf)
         finally:
@@ -364,7 +367,7 @@ class Prospects:
         """Return what is known by now, for each number of questions; empty if it is too little."""
         lengths, losses = [*self._lengths], [*self._losses]
         n = len(lengths)
-        if n < _FEWEST_RUNS:
+        if n < _FEWEST_RUNS or 2 * self._cut_off >= n:
             return []
         return [
             Prospect(

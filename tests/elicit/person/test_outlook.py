@@ -5,6 +5,7 @@ import gc
 import threading
 import time
 import weakref
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -266,9 +267,20 @@ def test_the_welcome_forecasts_nothing_without_plausible_scales() -> None:
     assert prospects_of(asker) == {"budgets": [], "settled": "", "ready": True}
 
 
-def prospects_of(asker: Any, least: int = 0) -> dict[str, Any]:
+def test_the_welcome_forecasts_nothing_where_an_interview_asks_on_after_its_asker() -> None:
+    """Its own questions are not simulated, so what they prove is unknown."""
+    asker = OfLength(5, 5, 0.5, PolytopeComparator(3))
+    never = prospects_of(asker, enough=lambda result: False)
+    assert never == {"budgets": [], "settled": "", "ready": True}
+    always = prospects_of(asker, enough=lambda result: True)
+    assert always["budgets"] == [ALL] * 3
+
+
+def prospects_of(
+    asker: Any, least: int = 0, enough: Callable[[Any], bool] | None = None
+) -> dict[str, Any]:
     """What the welcome forecasts in the end."""
-    subject = Subject(LEVELS, Words("people"), least=least)
+    subject = Subject(LEVELS, Words("people"), least=least, enough=enough)
     with (
         Session(lambda _: asker, AnswerLog()) as session,
         Interview(session, subject) as interview,

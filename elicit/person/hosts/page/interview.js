@@ -294,7 +294,7 @@ export function mount(root, send, options = {}) {
       part("p", "soft small", {}, ["Printed on your report. A made-up name is fine."]),
       who,
       part("fieldset", "", {}, [part("legend", "strong", {}, ["How much time do you have?"]), ...radios]),
-      part("p", "soft small", {}, [SIMULATED]),
+      part("p", "soft small simulated", {}, []),
       part("p", "soft small", {}, [before, " ", fewest(least)]),
       button("pick", "Start", start),
       part("p", "soft small", {}, ["A practice question comes first."]),
@@ -435,6 +435,8 @@ export function mount(root, send, options = {}) {
     for (const [i, place] of places.entries()) {
       say(place, i === places.length - 1 ? settled : budgets[i] || none);
     }
+    const simulated = body.querySelector(".simulated");
+    if (simulated) say(simulated, budgets.length ? SIMULATED : "");
   }
 
   function end() {
