@@ -36,6 +36,7 @@ svg { display: block; width: 100%; overflow: visible; }
 dl { display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1rem; font-size: .85rem; color: #4a5864; }
 dd { margin: 0; overflow-wrap: anywhere; }
 .log { border-top: 1px solid #c9d2da; margin-top: 2rem; padding-top: .6rem; font-size: .85rem; }
+@media (min-width: 44rem) { .wide { table-layout: auto; } .wide th, .wide td { overflow-wrap: break-word; } }
 @media (max-width: 34rem) {
   body { margin-top: 1rem; } table { font-size: .9rem; } th, td { padding: .3rem .2rem; }
   .drawn { width: 32%; padding: 0 .8rem; } .guess { width: 14%; } .range { width: 24%; }
@@ -173,7 +174,7 @@ def _changes(changes: Mapping[str, Any]) -> Iterator[str]:
     yield f"<h2>{escaped(changes['title'])}</h2>\n<p>{escaped(changes['note'])}</p>"
     if changes["rows"]:
         head = "".join(f'<th scope="col">{escaped(name)}</th>' for name in changes["columns"])
-        yield f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>"
+        yield f'<table class="wide">\n<thead><tr>{head}</tr></thead>\n<tbody>'
         for row in changes["rows"]:
             yield f"<tr>{''.join(f'<td>{escaped(cell)}</td>' for cell in row)}</tr>"
         yield "</tbody>\n</table>"

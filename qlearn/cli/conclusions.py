@@ -210,7 +210,8 @@ def choice_conclusion(
     no_better = "No other alternative is better"
     no_better += f" by more than {most}." if result.loss_bound > 0 else "."
     if settled:
-        equal = ", or as good as any" if result.status is Status.CALLED_EQUAL else ""
+        near = result.status is Status.CALLED_EQUAL and result.loss_bound > 0
+        equal = ", or as good as any" if near else ""
         headline = f"By your answers “{result.name}” is best{equal}. {no_better}"
         after = "You can stop here."
         more = "More answers would make it surer." if result.loss_bound > 0 else ""
