@@ -262,16 +262,7 @@ class Drawing:
         }
 
     def table(self, what: str) -> list[dict[str, Any]]:
-        """Return a table to keep, as a list of rows: {column: value}.
-
-        Parameters
-        ----------
-        what : {"scale", "policy", "answers"}
-
-        Returns
-        -------
-        list of dict
-        """
+        """Return the rows of a table to keep, as ``Interview.table`` describes them."""
         if what == "answers":
             return [
                 answer_row(number, entry, self._as_put(entry), said_of(self._subject, entry.answer))

@@ -247,10 +247,10 @@ def choice_holds(told: InWords, result: Choice) -> bool:
     Each pair may be decided with 95% probability while all of them together are not. A pair that
     the person cannot tell apart need not matter: then the bound says so.
     """
-    if result.status in (Status.DONE, Status.CALLED_EQUAL) and result.confidence == 1.0:
+    decided = result.status in (Status.DONE, Status.CALLED_EQUAL)
+    if decided and result.confidence == 1.0:
         return True
-    ended = result.status in (Status.DONE, Status.CALLED_EQUAL, Status.UNSURE, Status.EXHAUSTED)
-    return ended and bool(result.loss_bound <= told.tolerance)
+    return (decided or result.status is Status.UNSURE) and result.loss_bound <= told.tolerance
 
 
 def _worth(told: InWords, names: Sequence[str], shares: Floats, result: Choice) -> ResultTable:
