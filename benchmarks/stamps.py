@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[1]
 EVERYWHERE = ("elicit", "qlearn")  # the numbers of every page are of the code in these folders
 ASIDE = (  # but not of these, unless pages.toml names them: screens, commands, words and checks
     "elicit/person",
-    "elicit/testing.py",
+    "elicit/testing",
     "qlearn/cli",
     "qlearn/problems/families/words.py",
     "qlearn/warm_up.py",

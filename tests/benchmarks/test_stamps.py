@@ -58,7 +58,7 @@ def project(tmp_path, monkeypatch):
         "qlearn/mdp/far.py": "three = 3\n",
         "benchmarks/fitting/other.py": "four = 4\n",
         "elicit/person/screen.py": "five = 5\n",
-        "elicit/testing.py": "six = 6\n",
+        "elicit/testing/checks.py": "six = 6\n",
     }
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(exist_ok=True, parents=True)
@@ -90,7 +90,7 @@ def test_the_code_of_a_program_is_that_of_its_folder_and_of_what_the_manifest_na
     assert changed(project / "benchmarks/asking/program.py", "What it is", "Words") == first
     assert changed(project / "elicit/near.py", "# that", "# this") == first
     assert changed(project / "elicit/person/screen.py", "5", "7") == first
-    assert changed(project / "elicit/testing.py", "6", "7") == first
+    assert changed(project / "elicit/testing/checks.py", "6", "7") == first
     named = project / "benchmarks" / "pages.toml"
     named.write_text(named.read_text().replace('["', '["elicit/person", "'))
     first = stamps.sources("benchmarks.asking.program")

@@ -1,6 +1,4 @@
-"""What holds for the project as a whole: imports run one way and stay light, and the README tells
-the truth.
-"""
+"""Rules for the project as a whole: imports run one way and stay light, and the README is true."""
 
 import ast
 import re
@@ -27,6 +25,7 @@ ORDER = (  # a folder imports from those before it; folders side by side do not 
     ("elicit.person.study",),
     ("elicit.person.hosts",),
     ("elicit",),  # the modules at the top, and __init__ itself
+    ("elicit.plot", "elicit.testing"),
     ("qlearn.mdp", "qlearn.environments"),
     ("qlearn.problems.families",),
     ("qlearn.problems",),

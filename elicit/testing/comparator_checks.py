@@ -1,34 +1,6 @@
-"""Conformance tests for your own comparator or tutor: run them in your test suite.
+"""Checks that a comparator keeps to its contract, with all optional parts that it has."""
 
-    from elicit.testing import check_comparator, check_tutor
-
-    def test_mine() -> None:
-        check_comparator(MyComparator(k=5))
-
-Each raises an AssertionError that names the input, the result, and the contract's demand.
-
-A comparator must have five members. With these it works in every learner, in ``choose`` and in
-every report. ``elicit.as_differences(d, k)`` turns the argument of its methods into an array, or
-raises an error if it is none.
-
-    k                       the number of levels
-    values                  (k,) the best single guess at the scale, from 0 to 1, not decreasing,
-                            the same each time
-    bounds(d)               lo (n,), hi (n,) of d.e, of differences d (n, k) = left - right; -inf,
-                            inf: nothing known
-    compare(d)              (n,) int8 verdicts: 1 left is better, -1 right is, 0 equal, 2 only the
-                            tutor can tell. A verdict by dominance (eq. 4) comes first; level 1 and
-                            the length of d do not matter
-    update(answers)         a new comparator that also knows these ``elicit.Answers``; the old one
-                            stays as it was
-
-These further members are optional, and are used if they exist:
-
-"""
-
-from collections.abc import Callable
-from textwrap import fill
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +12,6 @@ from elicit.decision.comparator_rule import NO_ARRAYS, Rule, compares_by_rule, r
 from elicit.decision.verdicts import decide
 from elicit.model.comparator import Comparator, Tier, is_comparator, offers
 from elicit.model.comparator_parts import (
-    OPTIONAL_PARTS,
     ForeseesBounds,
     KeepsAnswers,
     PredictsAnswers,
@@ -49,31 +20,10 @@ from elicit.model.comparator_parts import (
     unordered_of,
 )
 from elicit.model.difference import dominance, tail_sums
-from elicit.model.query import (
-    Answer,
-    Answers,
-    InconsistentAnswers,
-    Query,
-    Verdict,
-)
+from elicit.model.query import Answers, InconsistentAnswers, Verdict
 from elicit.model.scale import Floats
-from elicit.model.tutor import CountsErrors, Tutor, TutorOfMany, answer_of, check_tutor_made
-
-if __doc__ is not None:  # python -OO leaves it out
-    __doc__ += "".join(
-        fill(
-            f"{part.gives}. {part.use} In {', '.join(part.offered_by)}.",
-            120,
-            initial_indent=f"    {part.signature:24}",
-            subsequent_indent=" " * 28,
-        )
-        + "\n"
-        for part in OPTIONAL_PARTS
-    )
-
-_T = TypeVar("_T")
-_ENDS = 5  # questions about the best and the worst level, which hardly any tutor gets all wrong
-_TOLERANCE = 1e-8  # largest error of bounds, times |d|_1; verdicts may have none
+from elicit.testing.demands import TOLERANCE, demand, demand_near, demand_same, wanted
+from elicit.testing.differences import sample_differences
 
 
 def check_comparator(comparator: Comparator, seed: Seed | None = 0) -> None:
@@ -93,9 +43,9 @@ def check_comparator(comparator: Comparator, seed: Seed | None = 0) -> None:
     AssertionError
         If it breaks the contract.
     """
-    _say(is_comparator(comparator), "it must have k, values, bounds, compare and update")
+    demand(is_comparator(comparator), "it must have k, values, bounds, compare and update")
     k = comparator.k
-    _say(
+    demand(
         isinstance(k, (int, np.integer)) and k >= 2,
         f"k must be a whole number of at least 2, not {k!r}",
     )
@@ -104,130 +54,6 @@ def check_comparator(comparator: Comparator, seed: Seed | None = 0) -> None:
     _check_errors(comparator, d)
     _check_all(comparator, d)
     _check_all(_check_update(comparator, d), d)
-
-
-def check_tutor(tutor: Tutor, k: int, truthful: bool = False, seed: Seed | None = 0) -> None:
-    """Check that a tutor answers queries about k levels as the contract says.
-
-    The tutor must be no ReplayTutor, which knows only the queries of its log.
-
-    Parameters
-    ----------
-    tutor : Tutor
-    k : int
-    truthful : bool
-        If True, also demand the properties of a tutor without errors: the same answer to the same
-        pair, the mirrored one to the mirrored pair, and never one against dominance.
-    seed : int, SeedSequence, Generator or None
-
-    Raises
-    ------
-    AssertionError
-        If it breaks the contract.
-    """
-    _wanted(lambda: check_tutor_made(tutor, k))
-    d = sample_differences(k, seed)
-    pairs = [(np.clip(row, 0.0, None), np.clip(-row, 0.0, None)) for row in d]
-    queries = [Query.make("check_tutor", i, left, right) for i, (left, right) in enumerate(pairs)]
-    codes = [_ask(tutor, query) for query in queries]
-    same = Query.make("check_tutor", -1, pairs[-1][0], pairs[-1][0])
-    verdict = _ask(tutor, same)
-    _say(
-        verdict in (None, Verdict.EQUAL),
-        f"two identical vectors are EQUAL, but it says {verdict!r}",
-    )
-    worst, best = np.eye(k)[[0, -1]]
-    ends = [
-        _ask(tutor, Query.make("check_tutor", -2 - i, best, worst + i / 20 * (best - worst)))
-        for i in range(_ENDS)
-    ]
-    _say(
-        any(code is not Verdict.WORSE for code in ends),
-        f"of the best level (left) and nearly the worst (right), it prefers the right in {_ENDS} "
-        "of as many questions: are left and right exchanged? 1 means that left is better",
-    )
-    if truthful:
-        plain = dominance(tail_sums(d))
-        for i, (query, code) in enumerate(zip(queries, codes, strict=True)):
-            again = _ask(tutor, query)
-            _say(
-                again == code,
-                f"a truthful tutor repeats itself, but on {query.d} it says {code!r}, then "
-                f"{again!r}",
-            )
-            mirrored = _ask(tutor, Query.make("mirrored", i, query.right, query.left))
-            want = None if code is None else code.flipped
-            what = f"left and right exchanged, {code!r} on {query.d} must become {want!r}"
-            _say(mirrored == want, f"{what}: {mirrored!r}")
-            right = code is None or plain[i] not in (-1, 1) or code == plain[i]
-            _say(
-                right, f"every scale ranks {query.d} as {Verdict(plain[i])!r}, but it says {code!r}"
-            )
-    if isinstance(tutor, TutorOfMany):
-        many = tutor.signs(d)
-        right = many.shape == (len(d),) and many.dtype == np.int8
-        _say(right, f"signs must be (n,) int8, not {many.shape} {many.dtype}")
-        _say(np.isin(many, (-1, 0, 1)).all(), f"signs must be -1, 0 or 1, not {many}")
-        if truthful:
-            _same(
-                "signs(d)",
-                many,
-                "asking one by one",
-                np.array([0 if c is None else c for c in codes]),
-                d,
-            )
-    rate = tutor.realised_error_rate if isinstance(tutor, CountsErrors) else 0.0
-    _say(
-        0 <= rate <= 1,
-        f"after some answers realised_error_rate must lie between 0 and 1, not {rate}",
-    )
-
-
-def sample_differences(k: int, seed: Seed | None = 0) -> Floats:
-    """Return differences of share vectors on which comparators go wrong.
-
-    They are smooth and sparse ones, near and exact ties, single steps, dominated pairs, zero, and
-    lengths from tiny to large.
-
-    Parameters
-    ----------
-    k : int
-    seed : int, SeedSequence, Generator or None
-
-    Returns
-    -------
-    (n, k)
-    """
-    rng = np.random.default_rng(seed)
-
-    def pairs(n: int, concentration: float = 1.0) -> Floats:
-        left, right = (rng.dirichlet(np.full(k, concentration), n) for _ in range(2))
-        return np.asarray(left - right)
-
-    counts = rng.multinomial(4, np.full(k, 1.0 / k), 16) / 4.0
-    steps = np.eye(k)[1:] - np.eye(k)[:-1]
-    better = np.sort(rng.random((4, k)), axis=1)
-    better -= better.mean(axis=1, keepdims=True)
-    shares = [pairs(12), pairs(6, 0.2), counts[:8] - counts[8:]]
-    return np.concatenate(
-        [*shares, steps, -steps, better, 1e-9 * pairs(3), 1e4 * pairs(3), np.zeros((1, k))]
-    )
-
-
-def _say(condition: Any, message: str) -> None:
-    if not condition:
-        raise AssertionError(message)
-
-
-def _near(what: str, found: Any, wanted: Any, d: Floats, tolerance: float = _TOLERANCE) -> None:
-    apart = np.abs(np.nan_to_num(found) - np.nan_to_num(wanted)) > tolerance * np.abs(d).sum(axis=1)
-    if apart.any():
-        i = int(np.argmax(apart))
-        raise AssertionError(f"{what}, but on d = {d[i]} it is {found[i]}, not {wanted[i]}")
-
-
-def _same(what: str, found: Any, than: str, wanted: Any, d: Floats) -> None:
-    _near(f"{what} must agree with {than}", found, wanted, d, 0.0)
 
 
 def _check_all(comparator: Comparator, d: Floats) -> None:
@@ -243,16 +69,16 @@ def _check_all(comparator: Comparator, d: Floats) -> None:
 
 def _check_values(comparator: Comparator) -> None:
     values, k = np.asarray(comparator.values), comparator.k
-    _say(values.shape == (k,), f"values must have shape ({k},), not {values.shape}")
-    _say(
+    demand(values.shape == (k,), f"values must have shape ({k},), not {values.shape}")
+    demand(
         abs(values.min()) <= 1e-9 and abs(values.max() - 1) <= 1e-9,
         f"values must run from 0 to 1, not {values}",
     )
     rising = np.diff(values) >= 0
     if (open_step := unordered_of(comparator)) is not None:
         rising[open_step[0]] = True
-    _say(rising.all(), f"values must not decrease: {values}")
-    _say((comparator.values == values).all(), "values must be the same each time")
+    demand(rising.all(), f"values must not decrease: {values}")
+    demand((comparator.values == values).all(), "values must be the same each time")
 
 
 def _check_shapes(comparator: Comparator, d: Floats) -> None:
@@ -262,12 +88,12 @@ def _check_shapes(comparator: Comparator, d: Floats) -> None:
         found += [("bounds", "float64", bound) for bound in comparator.bounds(rows)]
         for what, dtype, given in found:
             right = given.shape == (len(rows),) and given.dtype == dtype
-            _say(
+            demand(
                 right,
                 f"{what} of d {rows.shape} must be ({len(rows)},) {dtype}, not {given.shape} "
                 f"{given.dtype}",
             )
-    _say(
+    demand(
         comparator.compare(d[0]).shape == (1,),
         f"compare must take one difference ({k},) as (1, {k})",
     )
@@ -306,7 +132,7 @@ def _check_verdicts(comparator: Comparator, d: Floats) -> None:
     given.flags.writeable = False
     verdicts = comparator.compare(given)
     known = np.isin(verdicts, list(Verdict))
-    _say(known.all(), f"verdicts must be those of elicit.Verdict, not {verdicts[~known]}")
+    demand(known.all(), f"verdicts must be those of elicit.Verdict, not {verdicts[~known]}")
     plain = dominance(tail_sums(d))
     rule = rule_of(comparator)
     alone = (
@@ -315,23 +141,25 @@ def _check_verdicts(comparator: Comparator, d: Floats) -> None:
     if alone or unordered_of(comparator) is not None:
         plain = np.where(plain == Verdict.EQUAL, plain, np.int8(Verdict.UNKNOWN))
     settled = plain != Verdict.UNKNOWN
-    _same(
+    demand_same(
         "a verdict",
         verdicts[settled],
         "dominance, which holds for every scale",
         plain[settled],
         d[settled],
     )
-    _same("compare", comparator.compare(d), "the same call before", verdicts, d)
+    demand_same("compare", comparator.compare(d), "the same call before", verdicts, d)
     mirrored = np.where(verdicts == Verdict.UNKNOWN, verdicts, -verdicts)
-    _same("compare(-d)", comparator.compare(-d), "-compare(d)", mirrored, d)
+    demand_same("compare(-d)", comparator.compare(-d), "-compare(d)", mirrored, d)
     for power in (-30, 1, 30):
         scaled = comparator.compare(d * 2.0**power)
-        _same(f"compare(2^{power} d), which has the same sign,", scaled, "compare(d)", verdicts, d)
+        demand_same(
+            f"compare(2^{power} d), which has the same sign,", scaled, "compare(d)", verdicts, d
+        )
     single = np.concatenate([comparator.compare(row) for row in d])
-    _same("a row compared alone", single, "the same row in a batch", verdicts, d)
+    demand_same("a row compared alone", single, "the same row in a batch", verdicts, d)
     shuffled = np.random.default_rng(1).permutation(len(d))
-    _same(
+    demand_same(
         "a shuffled batch",
         comparator.compare(d[shuffled]),
         "the batch",
@@ -340,7 +168,7 @@ def _check_verdicts(comparator: Comparator, d: Floats) -> None:
     )
     moved = d.copy()
     moved[:, 0] += 1.0
-    _same(
+    demand_same(
         "compare with another level 1",
         comparator.compare(moved),
         "compare(d), for e_1 = 0,",
@@ -351,13 +179,15 @@ def _check_verdicts(comparator: Comparator, d: Floats) -> None:
 
 def _check_bounds(comparator: Comparator, d: Floats) -> None:
     low, high = comparator.bounds(d)
-    _say(
+    demand(
         not (np.isnan(low) | np.isnan(high)).any(),
         "bounds must not be nan; nothing known is -inf and inf",
     )
-    room = _TOLERANCE * np.abs(d).sum(axis=1)
+    room = TOLERANCE * np.abs(d).sum(axis=1)
     zero = (tail_sums(d) == 0).all(axis=1)
-    _say(((low == 0) & (high == 0))[zero].all(), "bounds of two identical vectors must be 0 and 0")
+    demand(
+        ((low == 0) & (high == 0))[zero].all(), "bounds of two identical vectors must be 0 and 0"
+    )
     verdicts = comparator.compare(d)
     wrong = {
         "lo <= hi": low > high + room,
@@ -376,58 +206,58 @@ def _check_bounds(comparator: Comparator, d: Floats) -> None:
             f"on d = {d[i]} bounds are {low[i]}, {high[i]} and compare says "
             f"{Verdict(verdicts[i])!r}"
         )
-        _say(not rows.any(), f"{rule}, but {said}")
+        demand(not rows.any(), f"{rule}, but {said}")
     alone = np.array([np.concatenate(comparator.bounds(row)) for row in d]).T
     mirrored, doubled = comparator.bounds(-d), comparator.bounds(2 * d)
     for j, (name, bound) in enumerate((("lower", low), ("upper", high))):
-        _near(
+        demand_near(
             f"the {name} bound of d must be minus the other one of -d", bound, -mirrored[1 - j], d
         )
-        _near(f"the {name} bound of a row alone must be that in a batch", alone[j], bound, d)
-        _near(f"the {name} bound of 2d must be twice that of d", doubled[j], 2 * bound, d)
+        demand_near(f"the {name} bound of a row alone must be that in a batch", alone[j], bound, d)
+        demand_near(f"the {name} bound of 2d must be twice that of d", doubled[j], 2 * bound, d)
 
 
 def _check_settings(comparator: Comparator) -> None:
     """Check the settings: numbers and the answers."""
     known: Any = comparator
     if offers(known, "lapse"):
-        _say(
+        demand(
             is_number(known.lapse, 0, 1),
             f"lapse, a share of the answers, must be in 0..1, not {known.lapse!r}",
         )
     if offers(known, "tie"):
         right = is_number(known.tie, 0) and known.tie < 1
-        _say(
+        demand(
             right,
             f"tie, a share of the value range, must be at least 0 and below 1, not {known.tie!r}",
         )
     if offers(known, "level") and offers(known, "draws"):
         right = is_number(known.level) and 0 < known.level < 1
-        _say(
+        demand(
             right,
             f"level, a share of the draws' weight, must lie between 0 and 1, not {known.level!r}",
         )
     if offers(known, "confidence"):
         right = is_number(known.confidence, 0, 1) or np.isnan(known.confidence)
-        _say(
+        demand(
             right,
             f"confidence, a probability, must be in 0..1, or nan for none, not {known.confidence!r}",  # noqa: E501
         )
     if offers(known, "answers_to_next_step"):
         more = known.answers_to_next_step
-        _say(
+        demand(
             is_whole(more, 1),
             f"answers_to_next_step must be a whole number of at least 1, not {more!r}",
         )
     if offers(known, "wrong"):
-        _say(
+        demand(
             is_whole(known.wrong, 0),
             f"wrong must be a whole number of at least 0, not {known.wrong!r}",
         )
     if offers(known, "unordered"):
         pair, k = known.unordered, comparator.k
         right = isinstance(pair, tuple) and len(pair) == 2 and all(is_whole(x, 0) for x in pair)
-        _say(
+        demand(
             right and pair[1] == pair[0] + 1 < k,
             f"unordered must be two neighbouring levels below {k}, such as (0, 1), not {pair!r}",
         )
@@ -436,19 +266,19 @@ def _check_settings(comparator: Comparator) -> None:
         right = len(cells) > 0 and all(
             is_comparator(cell.scales) and cell.scales.k == comparator.k for cell in cells
         )
-        _say(
+        demand(
             right,
             f"cells must hold comparators over k = {comparator.k} levels, at least one, not {cells!r}",  # noqa: E501
         )
         total = sum(cell.weight for cell in cells)
-        _say(abs(total - 1.0) <= 1e-9, f"the weights of the cells must total 1, not {total}")
+        demand(abs(total - 1.0) <= 1e-9, f"the weights of the cells must total 1, not {total}")
     if offers(known, "people"):
         _check_people(known)
     elif offers(known, "whom"):
-        _say(False, "whom goes with people, the names of those who may be asked")
+        demand(False, "whom goes with people, the names of those who may be asked")
     if offers(known, "answers"):
         right = isinstance(known.answers, Answers) and known.answers.k == comparator.k
-        _say(
+        demand(
             right,
             f"answers must be elicit.Answers over k = {comparator.k} levels, not {known.answers!r}",
         )
@@ -459,33 +289,33 @@ def _check_people(known: Any) -> None:
     people, k = known.people, known.k
     named = all(isinstance(name, str) and name for name in people)
     right = len(people) and named and len({*people}) == len(people)
-    _say(right, f"people must be names, at least one and each once, not {people!r}")
-    _say(offers(known, "whom"), "people goes with whom(d, besides), which says whom to ask")
+    demand(right, f"people must be names, at least one and each once, not {people!r}")
+    demand(offers(known, "whom"), "people goes with whom(d, besides), which says whom to ask")
     asked = known.whom(np.eye(k)[-1] - 2.0 * np.eye(k)[k // 2], ())
     right = asked is None or (asked.who in people and np.shape(asked.d) == (k,))
-    _say(right, f"whom(d) must be a PersonAsked of one of {people!r} and d ({k},), not {asked!r}")
+    demand(right, f"whom(d) must be a PersonAsked of one of {people!r} and d ({k},), not {asked!r}")
     nobody = known.whom(np.eye(k)[-1] - np.eye(k)[0], people)
-    _say(nobody is None, f"whom(d, besides=people) must be None, not {nobody!r}")
+    demand(nobody is None, f"whom(d, besides=people) must be None, not {nobody!r}")
 
 
 def _check_all_at_once(comparator: Comparator, d: Floats) -> None:
     if not offers(comparator, "simultaneous_bounds"):
         return
-    high, confidence = _wanted(lambda: simultaneous_bounds(comparator, np.concatenate([d, -d])))
+    high, confidence = wanted(lambda: simultaneous_bounds(comparator, np.concatenate([d, -d])))
     right = is_number(confidence, 0, 1) or np.isnan(confidence)
-    _say(
+    demand(
         right,
         "the confidence of simultaneous_bounds must be in 0..1, or nan for none, not "
         f"{confidence!r}",
     )
     upper, lower = high[: len(d)], -high[len(d) :]
-    crossed = lower > upper + _TOLERANCE * np.abs(d).sum(axis=1)
+    crossed = lower > upper + TOLERANCE * np.abs(d).sum(axis=1)
     i = int(np.argmax(crossed))
     said = (
         f"on d = {d[i]} simultaneous_bounds of d and -d say that d.e is at most {upper[i]} and at "
         f"least {lower[i]}"
     )
-    _say(
+    demand(
         not crossed.any(),
         f"bounds that hold for all rows at once leave room for some scale, but {said}",
     )
@@ -498,7 +328,7 @@ def _check_bounds_after(comparator: Comparator, d: Floats) -> None:
     found = cast(ForeseesBounds, comparator).bounds_after(asked, d, enough)
     shape = (len(asked), 2, len(d))
     right = np.shape(found) == shape and np.asarray(found).dtype == np.float64
-    _say(right, f"bounds_after of {len(asked)} questions must be {shape} float64, not {found!r}")
+    demand(right, f"bounds_after of {len(asked)} questions must be {shape} float64, not {found!r}")
     for i, row in enumerate(asked):
         for part, verdict in enumerate((Verdict.WORSE, Verdict.BETTER)):
             try:
@@ -518,11 +348,11 @@ def _check_bounds_after(comparator: Comparator, d: Floats) -> None:
                 f"after {verdict.name} of {row} on d = {d[j]} bounds_after is "
                 f"{found[i, part, j]}, and simultaneous_bounds {tight[j]}"
             )
-            _say(not wrong.any(), f"bounds_after tells what an answer would leave, but {said}")
+            demand(not wrong.any(), f"bounds_after tells what an answer would leave, but {said}")
 
 
 def _check_draws(comparator: Comparator) -> None:
-    draws = _wanted(lambda: draws_in(comparator))
+    draws = wanted(lambda: draws_in(comparator))
     if draws is not None:
         ordered = draws[0]
         if (open_step := unordered_of(comparator)) is not None:
@@ -530,7 +360,7 @@ def _check_draws(comparator: Comparator) -> None:
             values[open_step[0] : open_step[1] + 1].sort(axis=0)
             ordered = np.diff(values, axis=0)
         least = float(ordered.min())
-        _say(
+        demand(
             least >= -1e-9,
             "the gaps of draws must not be negative, for the scales are ordered, but one is "
             f"{least}",
@@ -547,7 +377,7 @@ def _check_probability(comparator: Comparator, d: Floats) -> None:
             np.shape(part) == (len(d),)
             and ((np.asarray(part) >= 0) & (np.asarray(part) <= 1)).all()
         )
-        _say(
+        demand(
             right,
             f"probability of d {d.shape} must be ({len(d)},) numbers in 0..1, or a tuple of such, "
             f"not {part}",
@@ -555,7 +385,7 @@ def _check_probability(comparator: Comparator, d: Floats) -> None:
     both = ends[0][-1] + ends[1][-1]
     i = int(np.argmax(both))
     said = f"on d = {d[i]} they total {both[i]}"
-    _say(
+    demand(
         both[i] <= 1 + 1e-9,
         "the probabilities that left and that right is said to be better total 1 at most, but "
         f"{said}",
@@ -565,28 +395,17 @@ def _check_probability(comparator: Comparator, d: Floats) -> None:
 def _check_rule(comparator: Comparator, d: Floats) -> None:
     if compares_by_rule(type(comparator)):
         rule = rule_of(comparator)
-        _say(
+        demand(
             isinstance(rule, Rule),
             f"rule must be an elicit.decision.comparator_rule.Rule, not {type(rule).__name__}",
         )
-    verdicts, tiers = _wanted(lambda: decide(comparator, d))
-    _same("what rule and settle decide", verdicts, "compare(d)", comparator.compare(d), d)
+    verdicts, tiers = wanted(lambda: decide(comparator, d))
+    demand_same("what rule and settle decide", verdicts, "compare(d)", comparator.compare(d), d)
     right = np.shape(tiers) == (len(d),) and np.isin(tiers, list(Tier)).all()
-    _say(
+    demand(
         right,
         f"settle must return a tier, of elicit.Tier, for each of the differences, not {tiers}",
     )
-
-
-def _wanted(call: Callable[[], _T]) -> _T:
-    """Return what a part of the comparator returns.
-
-    A wrong shape fails with the contract's own message.
-    """
-    try:
-        return call()
-    except (TypeError, ValueError) as error:
-        raise AssertionError(str(error)) from error
 
 
 def _check_update(comparator: Comparator, d: Floats) -> Comparator:
@@ -605,9 +424,11 @@ def _check_update(comparator: Comparator, d: Floats) -> Comparator:
         else Answers.none(comparator.k)
     )
     learned = comparator.update(answers)
-    _say(is_comparator(learned), f"update must return a comparator, not {type(learned).__name__}")
-    _say(learned.k == comparator.k, f"update must keep k = {comparator.k}, not make it {learned.k}")
-    _same(
+    demand(is_comparator(learned), f"update must return a comparator, not {type(learned).__name__}")
+    demand(
+        learned.k == comparator.k, f"update must keep k = {comparator.k}, not make it {learned.k}"
+    )
+    demand_same(
         "after update, the old comparator's compare",
         comparator.compare(d),
         "what it said before",
@@ -615,21 +436,25 @@ def _check_update(comparator: Comparator, d: Floats) -> Comparator:
         d,
     )
     for old, new in zip(bounds, comparator.bounds(d), strict=True):
-        _near("after update, the old comparator's bounds must be what they were", new, old, d)
-    _say((comparator.values == values).all(), "update must not change the old comparator's values")
+        demand_near("after update, the old comparator's bounds must be what they were", new, old, d)
+    demand(
+        (comparator.values == values).all(), "update must not change the old comparator's values"
+    )
     if offers(comparator, "answers") and offers(learned, "answers"):
         told_before, told_now = (
             cast(KeepsAnswers, comparator).answers,
             cast(KeepsAnswers, learned).answers,
         )
-        _say(told_now.ids == kept + answers.ids, "answers must be all that it was told, in order")
-        _say(told_before.ids == kept, "update must not change the old comparator's answers")
+        demand(told_now.ids == kept + answers.ids, "answers must be all that it was told, in order")
+        demand(told_before.ids == kept, "update must not change the old comparator's answers")
     one_by_one = comparator
     for i in range(len(answers)):
         one_by_one = one_by_one.update(answers[i : i + 1])
     after = learned.compare(d)
-    _same("answers told one by one", one_by_one.compare(d), "the same told together", after, d)
-    _same(
+    demand_same(
+        "answers told one by one", one_by_one.compare(d), "the same told together", after, d
+    )
+    demand_same(
         "compare after no answers",
         learned.update(Answers.none(comparator.k)).compare(d),
         "before",
@@ -637,21 +462,3 @@ def _check_update(comparator: Comparator, d: Floats) -> Comparator:
         d,
     )
     return learned
-
-
-def _ask(tutor: Tutor, query: Query) -> Verdict | None:
-    before = query.left.copy(), query.right.copy()
-    reply = tutor(query)
-    answer = answer_of(reply, query)
-    _say(
-        isinstance(answer, Answer),
-        "a tutor must return an elicit.Answer, or 1 (left is better), -1 (right is) or 0 (equal), "
-        f"not {reply!r}",
-    )
-    _say(
-        answer.query.id == query.id,
-        f"the answer to query {query.id} names another one: {answer.query.id}",
-    )
-    kept = (query.left == before[0]).all() and (query.right == before[1]).all()
-    _say(kept, f"a tutor must not change the query's vectors, but it did in {query.id}")
-    return answer.verdict

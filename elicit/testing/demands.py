@@ -1,0 +1,43 @@
+"""Demands of a contract: each raises an AssertionError that says what was found instead."""
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+
+from elicit.model.scale import Floats
+
+_T = TypeVar("_T")
+TOLERANCE = 1e-8  # largest error of bounds, times |d|_1; verdicts may have none
+
+
+def demand(condition: Any, message: str) -> None:
+    """Raise AssertionError with the message unless the condition holds."""
+    if not condition:
+        raise AssertionError(message)
+
+
+def demand_near(
+    what: str, found: Any, wanted: Any, d: Floats, tolerance: float = TOLERANCE
+) -> None:
+    """Demand that numbers (n,), one a row of d (n, k), are equal within ``tolerance`` |d|_1."""
+    apart = np.abs(np.nan_to_num(found) - np.nan_to_num(wanted)) > tolerance * np.abs(d).sum(axis=1)
+    if apart.any():
+        i = int(np.argmax(apart))
+        raise AssertionError(f"{what}, but on d = {d[i]} it is {found[i]}, not {wanted[i]}")
+
+
+def demand_same(what: str, found: Any, than: str, wanted: Any, d: Floats) -> None:
+    """Demand that codes (n,), one a row of d (n, k), are those of ``than``."""
+    demand_near(f"{what} must agree with {than}", found, wanted, d, 0.0)
+
+
+def wanted(call: Callable[[], _T]) -> _T:
+    """Return what a part of the comparator returns.
+
+    A wrong shape fails with the contract's own message.
+    """
+    try:
+        return call()
+    except (TypeError, ValueError) as error:
+        raise AssertionError(str(error)) from error
