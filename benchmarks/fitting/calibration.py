@@ -1,4 +1,4 @@
-"""How often the noisy-tutor comparators are wrong in what they decide, and how much that is.
+"""Share of wrong decisions of the comparators for noisy tutors, and the size of these errors.
 
     python -m benchmarks.fitting.calibration [--quick] [--journal FILE] [--out FILE.md] [--csv
     FILE.csv]
@@ -35,7 +35,8 @@ from benchmarks.fitting.tutor_data import open_pairs
 from benchmarks.reporting import save
 from benchmarks.stamps import sources
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
-from elicit.comparators.bradley_terry.particle_comparator import CONCENTRATION, PosteriorComparator
+from elicit.comparators.bradley_terry.first_particles import CONCENTRATION
+from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.model.comparator import Comparator, Tier
 from elicit.model.difference import as_vectors, tail_sums
 from elicit.model.query import Answers
@@ -129,8 +130,9 @@ RULES: dict[str, Rule] = {
 
 
 class Size(NamedTuple):
-    """How much to run: data sets on fresh pairs and with learners, levels, answers, budget, steps
-    and sweeps.
+    """The size of a run.
+
+    It has data sets on fresh pairs and with learners, levels, answers, budget, steps and sweeps.
     """
 
     sets: int

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.special import expit
 
 from benchmarks.people.choices import Bools, Choices
-from elicit.comparators.bradley_terry.particle_comparator import CONCENTRATION, LAPSE, PRECISION
+from elicit.comparators.bradley_terry.first_particles import CONCENTRATION, LAPSE, PRECISION
 from elicit.model.difference import tail_sums
 from elicit.model.scale import Floats
 

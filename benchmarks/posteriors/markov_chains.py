@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import digamma, expit, gammaln, log_expit
 
-from elicit.comparators.bradley_terry.particle_comparator import CONCENTRATION, LAPSE, PRECISION
+from elicit.comparators.bradley_terry.first_particles import CONCENTRATION, LAPSE, PRECISION
 from elicit.model.difference import tail_sums
 from elicit.model.query import Answers
 from elicit.model.scale import Floats
@@ -77,7 +77,7 @@ def start(k: int, how_many: int, rng: np.random.Generator) -> Floats:
 
 
 def scales(x: Floats) -> Scales:
-    """What points (m, k + 1) stand for."""
+    """Return the scales, precisions and lapses of points (m, k + 1)."""
     p = x.shape[1] - 2
     theta = np.exp(np.minimum(x[:, :p], 300.0))
     c = theta.sum(axis=1)

@@ -301,7 +301,7 @@ def _dividing(
     if n < 2:
         return ()
     total, square = chance.sum(axis=0), (chance * chance).sum(axis=0)
-    # over ordered pairs of two people: p (1 - q) + q (1 - p)
+    # two people with probabilities p and q disagree with p (1 - q) + q (1 - p)
     differ = 2.0 * ((n - 1) * total - (total * total - square)) / (n * (n - 1))
     order = np.argsort(-np.round(differ, _COARSE), kind="stable")
     found: list[DividingQuestion] = []

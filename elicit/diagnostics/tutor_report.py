@@ -19,11 +19,8 @@ from elicit._support.seeds import seed_of
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
 from elicit.asking.options import EarlierAnswers
-from elicit.comparators.bradley_terry.particle_comparator import (
-    PARTICLES,
-    PRECISION,
-    PosteriorComparator,
-)
+from elicit.comparators.bradley_terry.first_particles import PRECISION
+from elicit.comparators.bradley_terry.particle_comparator import PARTICLES, PosteriorComparator
 from elicit.lp.prior_inequalities import PriorLike
 from elicit.model.comparator import check_levels
 from elicit.model.difference import dominance, tail_sums

@@ -12,12 +12,13 @@ MacQueen's (1973) urn.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Mapping
+from typing import NamedTuple, Protocol, TypeAlias, cast
 
 import numpy as np
 from scipy.special import betaln, digamma, gammaln, logsumexp, polygamma
 
+from elicit.model.query import Answers
 from elicit.model.scale import Floats
 
 NEWCOMERS = 4.0
@@ -36,6 +37,17 @@ NEWTON = 40  # Newton steps of a fit of a Dirichlet law
 DIGITS = 4  # digits of fitted parameters: processors differ in the last of sixteen
 LEAST_SD = 0.1  # least standard deviation of log c within a kind
 _LEAST_LAPSE = 1e-4
+
+
+class HasAnswers(Protocol):
+    """An answer log, as far as ``like`` reads it."""
+
+    def answers(self) -> Answers:
+        """Return the answers that a comparator learns from."""
+
+
+Logs: TypeAlias = Mapping[str, HasAnswers | Answers] | Iterable[HasAnswers | Answers]
+"""One answer log, or its Answers, for each of some people; perhaps by their names."""
 
 
 class OwnParticles(NamedTuple):
@@ -277,3 +289,33 @@ def log_dirichlet(rng: np.random.Generator, shapes: Floats) -> Floats:
     x -= x.max(axis=1, keepdims=True)
     x -= np.log(np.exp(x).sum(axis=1, keepdims=True))
     return np.asarray(x)
+
+
+def answers_of_each(people: Logs, k: int) -> list[Answers]:
+    """Return the answers of each of some people. Raise TypeError or ValueError."""
+    wanted = "like= takes one AnswerLog or Answers a person, in a list or in a dict by name"
+    if isinstance(people, (str, bytes, Answers)) or hasattr(people, "answers"):
+        raise TypeError(f"{wanted}, not {type(people).__name__}: for one person write like=[...]")
+    if not isinstance(people, Iterable):
+        raise TypeError(f"{wanted}, not {people!r}")
+    by_name = people if isinstance(people, Mapping) else dict(enumerate(people))
+    found = []
+    for name in sorted(by_name, key=str):  # the result must not depend on a dict's order
+        log = by_name[name]
+        if not isinstance(log, Answers) and not callable(getattr(log, "answers", None)):
+            raise TypeError(f"{wanted}, but that of {name!r} is {log!r}")
+        answers = log if isinstance(log, Answers) else cast(HasAnswers, log).answers()
+        if answers.k != k:
+            raise ValueError(
+                f"the answers of {name!r} in like= are about {answers.k} levels, not {k}"
+            )
+        whose = [who for who in dict.fromkeys(answers.who) if who is not None]
+        if len(whose) > 1:
+            raise ValueError(
+                f"the answers of {name!r} in like= are of several people, "
+                f"{', '.join(map(repr, whose))}: give those of each (Answers.of_person)"
+            )
+        found.append(answers)
+    if not isinstance(people, Mapping):  # nor on the order of a list
+        found.sort(key=lambda one: (one.d.tobytes(), one.y.tobytes()))
+    return found

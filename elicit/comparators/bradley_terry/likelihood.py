@@ -120,9 +120,10 @@ def _symmetric(upper: Floats, p: int) -> Floats:
 
 @dataclass(frozen=True)
 class _Problems:
-    """Penalised fits, m of them, that share their rows in units of gaps.
+    """Penalised fits, m of them, of the same rows with different weights.
 
-    Here u = gamma / precision and x = precision * t.
+    They are solved for u = gamma / precision, the gaps themselves. So the rows are
+    x = precision * t.
     """
 
     x: Floats  # (n, p)

@@ -17,7 +17,6 @@ from elicit._support.fixed_order import product
 from elicit._support.hashing import Seed
 from elicit._support.seeds import seed_of
 from elicit._support.threads import one_thread
-from elicit.comparators.bradley_terry.draw_bounds import quantiles, upper_together
 from elicit.comparators.bradley_terry.particle_comparator import PARTICLES, PosteriorComparator
 from elicit.comparators.two_orders import (
     Order,
@@ -28,6 +27,7 @@ from elicit.comparators.two_orders import (
     together,
 )
 from elicit.decision.comparator_rule import Rule, weighted
+from elicit.decision.draw_bounds import quantiles, upper_together
 from elicit.decision.verdicts import decide_by
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import TIE, Verdicts, check_answers, check_levels

@@ -15,13 +15,13 @@ from __future__ import annotations
 import copy
 import math
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from functools import cached_property
-from typing import Protocol, TypeAlias, TypedDict, Unpack, cast
+from typing import TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import betaincinv, betaln, expit, gammaln, logit, logsumexp, ndtri
+from scipy.special import betaln, expit, logsumexp
 
 from elicit._support.fixed_order import product
 from elicit._support.hashing import Seed, fold, key_of, name_code
@@ -30,15 +30,20 @@ from elicit._support.seeds import seed_of
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, is_range, is_whole, require
 from elicit.comparators.bradley_terry.density import ParticlePrior
-from elicit.comparators.bradley_terry.draw_bounds import quantiles, upper_together
 from elicit.comparators.bradley_terry.earlier_people import (
     EarlierPeople,
+    Logs,
     OwnParticles,
-    drawn,
+    answers_of_each,
     learned_from,
-    log_dirichlet,
 )
-from elicit.comparators.bradley_terry.mcmc import move
+from elicit.comparators.bradley_terry.first_particles import (
+    CONCENTRATION,
+    LAPSE,
+    PRECISION,
+    first_particles,
+    prior_law,
+)
 from elicit.comparators.bradley_terry.raters import (
     RaterArrays,
     Reliability,
@@ -50,20 +55,12 @@ from elicit.comparators.bradley_terry.raters import (
     reliability_of,
 )
 from elicit.comparators.bradley_terry.raters import learn as learn_of_several
-from elicit.comparators.bradley_terry.smc import (
-    SWEEPS,
-    ParticleArrays,
-    effective_size,
-    learn,
-    thetas,
-    without_last_bits,
-)
+from elicit.comparators.bradley_terry.smc import ParticleArrays, effective_size, learn, thetas
 from elicit.decision.comparator_rule import Rule, weighted
+from elicit.decision.draw_bounds import quantiles, upper_together
 from elicit.decision.verdicts import decide_by
 from elicit.lp.hit_and_run import Draws
-from elicit.lp.infeasibility import is_empty
 from elicit.lp.prior_inequalities import PriorLike, as_prior
-from elicit.lp.region import Region, prior_rows
 from elicit.model.comparator import ALLOWANCE, TIE, Verdicts, check_answers, check_levels, check_tie
 from elicit.model.difference import as_differences, tail_sums
 from elicit.model.query import Answers
@@ -71,44 +68,12 @@ from elicit.model.scale import Floats, dot, order_bounds, values_of
 
 WORN = 0.02  # below this effective size, a share of the particles, a warning is raised
 _FAR = 1e12  # tail sums are clipped to it for the likelihood
-_THIN = 1e-12  # narrower sets of scales have no room for particles, only for rounding
-_SHAPES = (
-    1e-9,
-    1e9,
-)  # range of the prior's shapes: beyond, logarithms of gaps overflow or all gaps are equal
-_NODES = 16  # nodes of the quadrature over the prior's shape
-PRECISION = (math.log(30.0), 2.5)
-"""Mean and standard deviation of log c a priori, c in logits per unit of d.e."""
-
-
-CONCENTRATION = (0.2, 2.0)
-"""Least and greatest sum of the Dirichlet parameters of the gaps a priori. Of the sum, not of each:
-a law that keeps to each decides more before any answer the more levels there are, and is then wrong
-on scales of a few large gaps. With a fixed sum, levels set in between leave the law of the others
-as it was (Ferguson 1973)."""
-
-
-LAPSE = (1.0, 4.0)
-"""The lapse a priori is Beta of these two: none is the likeliest, a fifth the mean, and .6 (a tutor
-who flips three answers in ten) still within what is foreseen. ``tutor_report`` has the same
-prior."""
-
-
+_SHAPES = (1e-9, 1e9)
+"""Range of the prior's shapes: beyond, logarithms of gaps overflow or all gaps are equal."""
 PARTICLES = 1000
 """Default number of particles."""
 
 _PEOPLE = name_code("earlier people")
-
-
-class HasAnswers(Protocol):
-    """An answer log, as far as ``like`` reads it."""
-
-    def answers(self) -> Answers:
-        """Return the answers that a comparator learns from."""
-
-
-Logs: TypeAlias = Mapping[str, HasAnswers | Answers] | Iterable[HasAnswers | Answers]
-"""One answer log, or its Answers, for each of some people; perhaps by their names."""
 
 
 class ParticleOptions(TypedDict, total=False):
@@ -233,7 +198,7 @@ class PosteriorComparator:
         self.level, self.particles, self.shape, self.tie = (
             float(level),
             int(particles),
-            tuple(shape),
+            (float(shape[0]), float(shape[1])),
             check_tie(tie),
         )
         self.raters = raters
@@ -241,7 +206,9 @@ class PosteriorComparator:
         self.given_lapse = None if lapse is None else float(lapse)
         self.prior = as_prior(prior, self.k)
         self._key = np.uint64(key)
-        self._prior = self._log_prior()
+        self._prior = prior_law(
+            self.k, self.shape, self.given_precision, self.given_lapse, self.prior
+        )
         self.like: EarlierPeople | None = None
         self._forget()
         if like is not None:
@@ -261,7 +228,7 @@ class PosteriorComparator:
             if known[0] != self.k:
                 raise ValueError(f"like= was learned for {known[0]} levels, not {self.k}")
         else:
-            told = [answers for answers in _answers_of(people, self.k) if len(answers)]
+            told = [answers for answers in answers_of_each(people, self.k) if len(answers)]
             if not told:
                 return
             found = learned_from(
@@ -647,136 +614,7 @@ class PosteriorComparator:
         weights = np.exp(self._logs - self._logs.max())
         return self._theta / self._theta.sum(axis=0), weights / weights.sum()
 
-    def _log_prior(self) -> ParticlePrior:
-        """Return the prior's density.
-
-        Its mixture over shapes is computed by Gauss and Legendre's rule in log a.
-        """
-        p, (low, high) = self.k - 1, self.shape
-        nodes, mass = np.polynomial.legendre.leggauss(1 if low == high else _NODES)
-        shapes = np.exp(np.log(low) + (nodes + 1) / 2 * np.log(high / low))
-        constants = np.log(mass) + gammaln(p * shapes) - p * gammaln(shapes)
-        above, limits = np.empty((0, p)), np.empty(0)
-        if self.prior is not None:
-            above, limits = np.ascontiguousarray(tail_sums(self.prior.a)), self.prior.b
-        fixed, lapse = (
-            self.given_precision or 0.0,
-            -1.0 if self.given_lapse is None else self.given_lapse,
-        )
-        return ParticlePrior(
-            shapes,
-            constants,
-            *PRECISION,
-            fixed,
-            lapse,
-            *LAPSE,
-            0.0,
-            above,
-            limits,
-            0.0,
-            np.empty((0, p + 5)),
-        )
-
     def _first_particles(self, prior: ParticlePrior) -> Floats:
         """Return x (m, p) from a prior, with columns for a learned lapse and a learned width."""
-        rng, m, p = (
-            np.random.Generator(np.random.Philox(int(self._key))),
-            self.particles,
-            self.k - 1,
-        )
-        spread = (rng.permutation(m) + rng.random(m)) / m  # stratified
-        a = np.exp(np.log(self.shape[0]) + spread * np.log(self.shape[1] / self.shape[0]))[:, None]
-        x = log_dirichlet(rng, np.broadcast_to(a, (m, p)))
-        log_c = prior.mean + prior.sd * ndtri((rng.permutation(m) + rng.random(m)) / m)
-        x = np.ascontiguousarray(without_last_bits(x + log_c[:, None]))
-        slips = [
-            without_last_bits(logit(betaincinv(*law, (rng.permutation(m) + rng.random(m)) / m)))[
-                :, None
-            ]
-            for learned, law in (
-                (prior.lapse < 0, LAPSE),
-                (prior.tie > 0, (1.0, 1.0)),
-            )
-            if learned
-        ]
-        if self.like is None:
-            return np.ascontiguousarray(np.concatenate([self._within(x, prior), *slips], axis=1))
-        of, draws = drawn(self.like, rng, m)
-        for i, (log_gaps, log_precision, lapse) in enumerate(draws):
-            x[of == i] = without_last_bits(log_gaps + log_precision[:, None])
-            if prior.lapse < 0:
-                logits = logit(np.clip(lapse, 1e-300, 1.0 - 1e-16))
-                slips[0][of == i, 0] = without_last_bits(logits)
-        learned = len(slips) - (prior.tie > 0)
-        x = np.ascontiguousarray(np.concatenate([x, *slips[:learned]], axis=1))
-        x = self._within(x, prior)
-        return np.ascontiguousarray(np.concatenate([x, *slips[learned:]], axis=1))
-
-    def _within(self, x: Floats, prior: ParticlePrior) -> Floats:
-        """Return particles of a prior, moved to where its inequalities hold.
-
-        They move through nested sets, each of which holds half of the particles of the one before
-        (subset simulation, Au and Beck 2001). Raise ValueError if no scale satisfies the
-        inequalities, or too few do.
-        """
-        if self.prior is None:
-            return x
-        if is_empty(Region(0.0, *prior_rows(self.prior, self.k))) is not None:
-            raise ValueError(
-                "no scale satisfies the prior's inequalities together, "
-                f"{'; '.join(self.prior.names)}"
-            )
-        above, limits = prior.above, prior.limits
-        law, p = prior._replace(tie=0.0), self.k - 1
-        if x.shape[1] == p:
-            law = law._replace(lapse=max(0.0, law.lapse))
-        nothing, untied, m = np.zeros((self.k - 1, 1)), np.zeros(1, dtype=np.bool_), self.particles
-        for stage in range(200):
-            theta = np.exp(x[:, :p] - x[:, :p].max(axis=1, keepdims=True))
-            short = (limits - product(theta / theta.sum(axis=1, keepdims=True), above.T)).max(
-                axis=1
-            )
-            if (short <= 0).all():
-                return x
-            gap = max(0.0, float(np.median(short)))
-            if 0.0 < gap < _THIN:
-                break
-            x = x[np.resize(np.flatnonzero(short <= gap), m)].copy()
-            eased = law._replace(limits=limits - gap)
-            with np.errstate(all="ignore"):
-                move(x, nothing, untied, 1, 1.0, eased, fold(self._key, m, stage)[()], SWEEPS)
-        raise ValueError(
-            f"the prior's inequalities, {'; '.join(self.prior.names)}, leave too little room to "
-            "draw scales from: "
-            "relax some of them"
-        )
-
-
-def _answers_of(people: Logs, k: int) -> list[Answers]:
-    """Return the answers of each of some people. Raise TypeError or ValueError."""
-    wanted = "like= takes one AnswerLog or Answers a person, in a list or in a dict by name"
-    if isinstance(people, (str, bytes, Answers)) or hasattr(people, "answers"):
-        raise TypeError(f"{wanted}, not {type(people).__name__}: for one person write like=[...]")
-    if not isinstance(people, Iterable):
-        raise TypeError(f"{wanted}, not {people!r}")
-    by_name = people if isinstance(people, Mapping) else dict(enumerate(people))
-    found = []
-    for name in sorted(by_name, key=str):  # the result must not depend on a dict's order
-        log = by_name[name]
-        if not isinstance(log, Answers) and not callable(getattr(log, "answers", None)):
-            raise TypeError(f"{wanted}, but that of {name!r} is {log!r}")
-        answers = log if isinstance(log, Answers) else cast(HasAnswers, log).answers()
-        if answers.k != k:
-            raise ValueError(
-                f"the answers of {name!r} in like= are about {answers.k} levels, not {k}"
-            )
-        whose = [who for who in dict.fromkeys(answers.who) if who is not None]
-        if len(whose) > 1:
-            raise ValueError(
-                f"the answers of {name!r} in like= are of several people, "
-                f"{', '.join(map(repr, whose))}: give those of each (Answers.of_person)"
-            )
-        found.append(answers)
-    if not isinstance(people, Mapping):  # nor on the order of a list
-        found.sort(key=lambda one: (one.d.tobytes(), one.y.tobytes()))
-    return found
+        key, m = int(self._key), self.particles
+        return first_particles(key, m, self.shape, prior, self.prior, self.like)

@@ -125,7 +125,7 @@ class PolytopeComparator:
 
     @property
     def cells(self) -> tuple[Cell, ...]:
-        """The polytopes whose union is K_t, each with a comparator and the wrong answers' rows.
+        """The polytopes whose union is K_t, each with its comparator and the answers wrong in it.
 
         A cell's own comparator allows for no wrong answer. With ``wrong=0`` there is one cell,
         whose comparator is this one.

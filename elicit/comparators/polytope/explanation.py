@@ -112,8 +112,8 @@ class Explanation:
         are the same, or if the verdict is UNKNOWN.
     scales : tuple of (k,)
         Exact scales of K_t. UNKNOWN: one under which left is better, and one under which right is.
-        BETTER and WORSE: one under which it is strictly so, if the proof's bound is 0; otherwise
-        none.
+        BETTER and WORSE: if the proof's bound is 0, one under which the difference is strictly
+        above or below 0. Otherwise none.
     tie : float
         Largest |d.e| that an answer "equal" allows.
     told_equal : int or None

@@ -29,7 +29,7 @@ from elicit import (
     held_out,
     tutor_report,
 )
-from elicit.comparators.bradley_terry.particle_comparator import CONCENTRATION
+from elicit.comparators.bradley_terry.first_particles import CONCENTRATION
 from elicit.diagnostics.held_out import wilson
 from elicit.diagnostics.tutor_report import exact_share
 from tests.noisy_cases import log_terms
@@ -207,7 +207,7 @@ def test_answers_against_the_order_of_the_levels_are_counted():
 
 
 def sided_log(bias, n=150, exchange=0.5, seed=3):
-    """Answers of a tutor who in a share ``bias`` of cases names whatever is shown left."""
+    """Return answers of a tutor who names the left side blindly in a share ``bias`` of cases."""
     rng = np.random.default_rng(seed)
     tutor = TruthfulTutor(scale(4, rng))
     told = []

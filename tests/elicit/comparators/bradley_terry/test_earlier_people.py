@@ -20,7 +20,7 @@ from elicit.comparators.bradley_terry.earlier_people import (
     drawn,
     learned_from,
 )
-from elicit.comparators.bradley_terry.particle_comparator import LAPSE, PRECISION
+from elicit.comparators.bradley_terry.first_particles import LAPSE, PRECISION
 from elicit.testing import check_comparator, sample_differences
 from tests.noisy_cases import pairs
 from tests.thoroughness import scaled, thorough
@@ -52,7 +52,7 @@ def alike(people: int, n: int = 40, seed: int = 0, k: int = 5) -> list[Answers]:
 
 @pytest.fixture(scope="module")
 def like() -> EarlierPeople:
-    """What is learned of twelve people who are alike."""
+    """Return the prior learned from twelve people who are alike."""
     found = PosteriorComparator(5, like=alike(12)).like
     assert found is not None
     return found

@@ -22,7 +22,7 @@ from elicit import (
     Verdict,
 )
 from elicit._support.fixed_order import product
-from elicit.comparators.bradley_terry.particle_comparator import LAPSE
+from elicit.comparators.bradley_terry.first_particles import LAPSE
 from elicit.model.comparator import ALLOWANCE
 from elicit.model.comparator_parts import lapse_of
 from elicit.model.scale import order_bounds
@@ -216,7 +216,7 @@ def test_bounds_are_quantiles() -> None:
 
 
 def test_bounds_for_all_rows_at_once_leave_out_the_fewest_particles() -> None:
-    """Those with the greatest d.e of any row; as many as the level lets go."""
+    """Particles with the greatest d.e of any row are left out, as many as the level allows."""
     c = PosteriorComparator(6, seed=1).update(told(6, 12))
     d = differences(np.random.default_rng(0), 6, 30)
     high, confidence = c.simultaneous_bounds(d)
@@ -287,8 +287,9 @@ def weighted(
 def log_likelihood(
     g: Floats, log_c: Floats, answers: Answers, lapse: Any, share: Any = 0.0
 ) -> Floats:
-    """Of scales g (m, p), precisions (m,), and lapses and widths, each (m,) or a number, by the
-    formula.
+    """Return the log likelihood (m,) by the formula.
+
+    It is that of scales g (m, p), precisions (m,), and lapses and widths, each (m,) or a number.
     """
     total, theta = np.zeros(len(g)), np.exp(np.minimum(log_c, 300.0))[:, None] * g
     block = max(1, 1_000_000 // len(g))  # answers at a time
@@ -960,8 +961,9 @@ def test_ranks_of_the_truth_are_uniform_in_many_replications(k: int, n: int) -> 
 def learned(
     k: int, lapse: float, make: Callable[[Floats, Floats, int], Any], law: str, seed: int
 ) -> tuple[int, int]:
-    """How many pairs are decided, and how many wrongly, by one who asks only what is open; then on
-    fresh pairs.
+    """Count the decided and the wrongly decided pairs of a run that asks only about undecided ones.
+
+    Fresh pairs are counted after it.
     """
     rng = np.random.default_rng([seed, k])
     g = np.maximum(

@@ -15,11 +15,12 @@ from elicit import Answers, FlippingTutor, PosteriorComparator
 from elicit._support.hashing import fold
 from elicit.comparators.bradley_terry import (
     earlier_people,
+    first_particles,
     mcmc_arrays,
     particle_comparator,
     raters,
 )
-from elicit.comparators.bradley_terry.particle_comparator import PRECISION
+from elicit.comparators.bradley_terry.first_particles import PRECISION
 from elicit.model.comparator import ALLOWANCE
 from tests.scale_arithmetic import Floats, tail_sums
 from tests.thoroughness import scaled
@@ -351,7 +352,7 @@ def test_last_bits_of_logarithms_change_no_posterior(
 
     here = learned()
     other = OtherLastBits()
-    for module in (earlier_people, particle_comparator):
+    for module in (earlier_people, first_particles, particle_comparator):
         monkeypatch.setattr(module, "np", other)
     there = learned()
     assert there != here  # the last bits did differ

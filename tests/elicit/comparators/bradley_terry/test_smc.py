@@ -20,7 +20,7 @@ from elicit.comparators.bradley_terry import density as D
 from elicit.comparators.bradley_terry import density_float32 as R
 from elicit.comparators.bradley_terry import mcmc as M
 from elicit.comparators.bradley_terry import smc as P
-from elicit.comparators.bradley_terry.particle_comparator import LAPSE
+from elicit.comparators.bradley_terry.first_particles import LAPSE
 from tests.interpreter import report_of
 from tests.noisy_cases import MEAN, SD, Floats, Rng, log_gaps, log_terms, prior_of
 from tests.scale_arithmetic import tail_sums
@@ -48,7 +48,7 @@ def learning(
 
 
 def lapses_and_widths(x: Floats, p: int, prior: D.ParticlePrior) -> tuple[Floats, Floats]:
-    """Of particles x (m, >= p), by the formula; widths in logits."""
+    """Return lapses and widths (in logits) of particles x (m, >= p), by the formula."""
     lapse, width = np.full(len(x), prior.lapse), np.zeros(len(x))
     if prior.lapse < 0:
         lapse = D.LEAST_LAPSE + (1 - D.LEAST_LAPSE) * expit(x[:, p])
@@ -510,7 +510,7 @@ def test_what_moves_leave_is_the_greatest_squared_correlation() -> None:
 
 
 def report() -> list[str]:
-    """All that a few small comparators come to, to the last bit."""
+    """Return all results of a few small comparators, to the last bit."""
     rng, lines = np.random.default_rng(5), []
     d = rng.dirichlet(np.ones(4), 14) - rng.dirichlet(np.ones(4), 14)
     y = np.sign(d @ [0, 0.2, 0.5, 1.0]).astype(int) * (np.arange(14) % 5 > 0)
