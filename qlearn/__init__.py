@@ -4,7 +4,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from elicit.asking.elicitation import Audit
+    from elicit.asking.question import Audit
     from elicit.model.outcomes import Status
     from qlearn.certificates.loss_bound import Guarantee, loss_bound
     from qlearn.environments.level_rewards import LevelVector, OrdinalReward
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from qlearn.training.training_result import TrainedPolicy, TrainingResult
 
 _NAMES = {  # imported when first used, so that the command line starts fast
-    "elicit.asking.elicitation": ("Audit",),
+    "elicit.asking.question": ("Audit",),
     "elicit.model.outcomes": ("Status",),
     "qlearn.learners.expected_bounds": ("ExpectedBounds", "expected_bounds"),
     "qlearn.environments.level_rewards": ("LevelVector", "OrdinalReward"),

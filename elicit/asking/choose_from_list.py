@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.validation import is_list, require
-from elicit.asking.elicitation import Elicitation, OnConflict, Pair
+from elicit.asking.elicitation import Elicitation, OnConflict
 from elicit.asking.options import EarlierAnswers
+from elicit.asking.question import Pair
 from elicit.model.comparator import Comparator, Decisions, Tier, bounds_of, check_comparator_made
 from elicit.model.comparator_parts import best_guess, simultaneous_bounds
 from elicit.model.difference import as_vectors, tail_sums
@@ -63,7 +64,7 @@ class Choice:
 
     @property
     def loss_bound(self) -> float:
-        """Upper bound on how much better any other vector can be than the best.
+        """Upper bound on d.e of any other vector minus the one called best.
 
         It is in units of e_k - e_1: a share of the value range if vectors are shares.
         """
@@ -164,8 +165,8 @@ def choose(
                 "the worst level as worth nothing"
             )
     fingerprint = hashlib.blake2b(rows.tobytes() + bytes([bool(order)]), digest_size=8).hexdigest()
-    # where the tutor cannot tell, the one that is ahead by the best guess, which is always left,
-    # stays ahead
+    # the alternative ahead by the best guess is always the left one: it stays ahead if the tutor
+    # cannot tell
     elicitation = Elicitation(
         comparator,
         fingerprint,
@@ -293,8 +294,8 @@ class Choosing:
             if not guessed or self._elicitation.spent:
                 self._guessed = guessed
                 return
-            # what no answer teaches is best asked in the order of the search, whose steps halve the
-            # rest
+            # if no answer teaches anything, the order of the search is best: each of its steps
+            # halves the rest
             ahead, other = self._most_open(candidates) if self._learns else candidates[0].tolist()
             self._judged[ahead, other] = (
                 0  # another pair of the same difference may have been answered

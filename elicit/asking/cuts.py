@@ -115,28 +115,28 @@ def halvings(bounds: Floats, limit: float) -> float:
 def halvings_left(
     comparator: Comparator, asked: Floats, d: Floats, high: Floats, limit: float
 ) -> Floats:
-    """Return the halvings of bounds on d (n, k) that are left after an answer, (c, 2).
+    """Return the ``halvings`` (c, 2) that are left after the answers worse and better.
 
-    The questions are ``asked`` (c, k), the answers worse and better, and ``high`` (n,) the bounds
-    before them. 0 if the answer contradicts what is known.
+    The questions are ``asked`` (c, k). The bounds on d (n, k) before them are ``high`` (n,). An
+    answer that contradicts what is known leaves 0.
     """
     after = np.minimum(high, bounds_after(comparator, asked, d, limit))
     return np.array([_each_halvings(left, limit) for left in after])
 
 
 def _each_halvings(left: Floats, limit: float) -> Floats:
-    """Return the ``halvings`` (2,) of bounds (2, n) after either answer."""
+    """Return the ``halvings`` (2,) after the answers worse and better, of bounds (2, n)."""
     return np.array([halvings(bounds, limit) for bounds in left])
 
 
 def cuts_towards(draws: Draws, d: Floats, high: Floats, limit: float) -> list[Floats]:
-    """Return differences (k,), each below 0 for one of ``_SHARES`` of the draws.
+    """Return differences (k,) that part the draws: each is below 0 for one of ``_SHARES`` of them.
 
-    Their directions are towards where d (n, k) are open.
+    Their directions are those of the d (n, k) whose bounds are the greatest.
 
     A direction is a vector of tail sums. Its length is the standard deviation of d.e over the
-    draws, so that the draws scatter alike to all sides, and the cosine of two directions is their
-    correlation.
+    draws, so that the draws scatter alike to all sides. The cosine of two directions is the
+    correlation of their d.e.
     """
     spread = draws.gaps - product(draws.gaps, draws.weights)[:, None]
     covariance = product(spread * draws.weights, spread.T)

@@ -7,16 +7,14 @@ pair twice, and the counts.
 """
 
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from os import PathLike
-from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias, Unpack, cast
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any, ClassVar, Literal, TypeAlias, Unpack, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support import jit
-from elicit._support.fixed_order import product
 from elicit._support.hashing import key_of
 from elicit._support.seeds import seed_of
 from elicit._support.validation import is_list, is_number, is_whole, require
@@ -25,22 +23,29 @@ from elicit.asking.elicitation_kernel import (
     BOUNDS,
     NO_FACT,
     PLACE,
-    AskingRule,
+    AskingState,
     Facts,
     Judgement,
     decide_rows,
 )
-from elicit.asking.options import MAX_AUDITS, AskingOptions, EarlierAnswers, check_options
+from elicit.asking.near_ties import NearTies
+from elicit.asking.options import (
+    MAX_AUDITS,
+    AskingOptions,
+    EarlierAnswers,
+    check_options,
+    checked_known,
+)
+from elicit.asking.question import AnsweredQuery, Audit, Pair, Pending, Place
+from elicit.asking.several_people import CannotTell, addressed, nobody_left, verdict_of_all
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.verdicts import decide
 from elicit.model.comparator import (
-    ALLOWANCE,
     Comparator,
     Decisions,
     Tier,
     Verdicts,
     bounds_of,
-    check_answers,
     learn,
     offers,
 )
@@ -50,7 +55,6 @@ from elicit.model.comparator_parts import (
     best_guess,
     people_of,
     tie_of,
-    whom_of,
     wrong_of,
 )
 from elicit.model.difference import tail_sums
@@ -61,65 +65,8 @@ from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verd
 from elicit.model.scale import Floats
 from elicit.tutors.answer_log import EXPECTED, Entry
 
-_GUESS_GRID = 2.0**40
-"""Differences of best guesses below its inverse are equal: rounding alone makes such."""
-
-_IN_A_ROW = 5
-"""Answers "equal" to pairs that are certainly no farther apart than ``ALLOWANCE`` ties: then such
-pairs are asked about no more. With one tie in place of two, value iteration asked such tutors three
-times as much as sharp ones (docs/about-equal.md)."""
-
 Watcher = Callable[[Floats, Decisions], None]
 OnConflict: TypeAlias = Literal["raise", "drop"]
-
-Place: TypeAlias = tuple[Hashable, ...]
-"""Names of where a pair is compared, such as a state and two of its actions: there its vectors may
-still change a little. The sentence that asks about it is one, for a log keeps it; the same with
-left and right exchanged another."""
-
-
-@dataclass(frozen=True)
-class Audit:
-    """A comparison that the answers had decided, put to the tutor all the same."""
-
-    query: Query
-    expected: Verdict
-    answer: Verdict | None
-
-    @property
-    def contradicts(self) -> bool:
-        """True if the tutor said the opposite of what the answers imply."""
-        return self.answer is not None and self.expected * self.answer == -1
-
-
-class Pair(NamedTuple):
-    """Two vectors (k,) to ask about, in words for people, and where they are compared.
-
-    With a ``tier`` other than TUTOR it is an audit, of a pair that the answers decided by that
-    tier. ``who`` is the person to ask; None: the one that the comparator says, of several.
-    """
-
-    left: Floats
-    right: Floats
-    about: str
-    place: Place = ()
-    tier: int = int(Tier.TUTOR)
-    who: str | None = None
-
-
-class Pending(NamedTuple):
-    """A query, its pair, and for an audit the verdict that the answers imply."""
-
-    query: Query
-    pair: Pair
-    expected: Verdict | None
-
-
-class AnsweredQuery(NamedTuple):
-    """A query that was answered, and the verdict to act on."""
-
-    pending: Pending
-    verdict: Verdict
 
 
 class Elicitation:
@@ -211,7 +158,7 @@ class Elicitation:
         self.watch: Watcher | None = None
         self.signs: Callable[[Floats], NDArray[np.int8]] | None = None
         self.pending: tuple[Pending, ...] = ()
-        # the last answers; a user who empties it after acting sees what is still to be acted on
+        # the last answers: a learner empties it after acting, so that an interruption loses none
         self.to_act_on: tuple[AnsweredQuery, ...] = ()
         self.puts_off = (
             False  # whether undecided pairs go by the best guess for now, to be asked about later
@@ -220,15 +167,14 @@ class Elicitation:
         self._indifference = float(indifference)
         self._max_queries = max_queries
         self._audit, self._max_audits = float(audit), int(max_audits)
-        self._tie = 0.0 if isinstance(comparator, AlwaysAsk) else tie_of(comparator)
-        self._near = ALLOWANCE * self._tie
-        self._equal_in_a_row = 0  # answers "equal" to pairs that are no farther apart than that
+        tie = 0.0 if isinstance(comparator, AlwaysAsk) else tie_of(comparator)
+        self._near_ties = NearTies(tie, counts=tie > 0 and not self._several)
         self._key = np.uint64(key_of(seed_of(asking.get("seed", 0))))
         self._number = 0
         self._answered = AnsweredPairs(comparator.k)
         self._undecided = undecided
         self._labels = labels
-        self._cannot: dict[str, AnsweredPairs] = {}  # pairs that one of several cannot tell
+        self._cannot = CannotTell()
         self._unclear: set[Hashable] = set()  # names of where the tutor could not tell
         self._untold = False  # whether there are pairs known as such that the tutor could not tell
         self._guess: tuple[Comparator, Floats] | None = None
@@ -250,7 +196,7 @@ class Elicitation:
         facts = Facts(verdicts.astype(np.int64), tiers.astype(np.int64), unclear, close)
         verdict, tier, needed = np.empty((3, n), np.int8)
         out = Judgement(verdict, tier, np.empty(0, np.bool_), needed)
-        asking, rows = self.asking_rule(), np.arange(n)
+        asking, rows = self.asking_state(), np.arange(n)
         jit.expect(decide_rows, 1e-5 * n)
         while len(rows):
             with np.errstate(all="ignore"):  # hashes wrap around
@@ -269,10 +215,10 @@ class Elicitation:
             verdict[asked] = self.signs(d[asked]) if len(asked) else 0
         return Decisions(verdict, tier)
 
-    def asking_rule(self) -> AskingRule:
+    def asking_state(self) -> AskingState:
         """Return what ``decide`` decides by, as arrays, for compiled loops."""
         asks = self.signs is None
-        return AskingRule(
+        return AskingState(
             indifference=self.indifference if asks else 0.0,
             audit=self._audit if self.audits_left else 0.0,
             key=self._key,
@@ -310,12 +256,12 @@ class Elicitation:
     def tell(
         self, answers: Sequence[Answer], on_conflict: OnConflict
     ) -> tuple[dict[str, Verdict], tuple[Answer, ...]]:
-        """Take answers to pending queries, and return verdicts by query id and what was dropped.
+        """Take answers to pending queries, and return verdicts by query id, and dropped answers.
 
-        The verdict on "cannot tell" is ``undecided``, or for an audit what the answers imply.
-        Dropped are answers that contradict the others. If it raises, nothing has changed. If it is
-        interrupted (Ctrl+C), nothing has changed, or everything: then the verdicts are in
-        ``to_act_on``.
+        The verdict on "cannot tell" is ``undecided``, or for an audit the one that the answers
+        imply. Answers that contradict the others are dropped. If it raises, nothing has changed. If
+        it is interrupted (Ctrl+C), either nothing has changed or everything has. In the second case
+        the verdicts are in ``to_act_on``.
         """
         if on_conflict not in ("raise", "drop"):
             raise ValueError(f"on_conflict must be 'raise' or 'drop', not {on_conflict!r}")
@@ -330,7 +276,7 @@ class Elicitation:
         told = [answer for answer in answers if answer.verdict is not None]
         rows = Answers.of(told, self.comparator.k)
         comparator, taken = learn(self.comparator, rows, on_conflict == "drop")
-        equal_in_a_row = self._count_equal(answers)
+        near_ties = self._near_ties.after_all(self.comparator, answers)
         if not taken.all():
             rows = Answers.of(
                 [answer for answer, took in zip(told, taken, strict=True) if took],
@@ -343,12 +289,12 @@ class Elicitation:
         ]
         cannot = self._cannot_now(settled)
         verdicts = [
-            self._of_all(comparator, asked.pair, cannot)
+            verdict_of_all(comparator, asked.pair, cannot, self.indifference)
             if self._several
             else self._act_on(answer, asked, unused, comparator)
             for answer, asked, unused in settled
         ]
-        # copies, for an interruption may come at any line: they replace what is there all at once
+        # an interruption may come at any line: so copies are changed, and published all at once
         answered, unclear, audits = self._answered.copy(), set(self._unclear), list(self.audits)
         counts, asked_so_far, cannot_tell = self.counts.copy(), self.asked, self.cannot_tell
         seen = []
@@ -368,7 +314,7 @@ class Elicitation:
                 audits.append(Audit(query, expected, answer.verdict))
             said = verdict if answer.verdict is None else answer.verdict
             if self._several:
-                if whom_of(comparator, pair.left - pair.right, self._besides(pair, cannot)) is None:
+                if nobody_left(comparator, pair, cannot):
                     answered.add(pair.left - pair.right, verdict, binding=verdict == Verdict.EQUAL)
             elif (
                 unused
@@ -396,7 +342,7 @@ class Elicitation:
             ),
             _answered=answered,
             _cannot=cannot,
-            _equal_in_a_row=equal_in_a_row,
+            _near_ties=near_ties,
             _unclear=unclear,
         )
         if self.watch is not None:  # last, for it may fail
@@ -418,7 +364,12 @@ class Elicitation:
         """
         comparator = self.comparator
         free = not (
-            self._audit or self._tie or self._unclear or self.pending or self.guesses or self.signs
+            self._audit
+            or self._near_ties.tie
+            or self._unclear
+            or self.pending
+            or self.guesses
+            or self.signs
         )
         free = free and not self._several
         if not free or not hasattr(type(comparator), "answers_to_next_step"):
@@ -454,7 +405,7 @@ class Elicitation:
         objects. Returns False, and changes nothing, where only ``open`` and ``tell`` will do: where
         the answer is "equal", or contradicts the others, or may end a row of such answers.
         """
-        if verdict == Verdict.EQUAL or self._equal_in_a_row or self.pending or self.guesses:
+        if verdict == Verdict.EQUAL or self._near_ties.in_a_row or self.pending or self.guesses:
             return False
         if self._several:  # who, only ``open`` says
             return False
@@ -491,7 +442,9 @@ class Elicitation:
 
         It is as given, and more once the tutor has called equal what is near.
         """
-        return max(self._indifference, self._near) if self.gave_up else self._indifference
+        if self.gave_up:
+            return max(self._indifference, self._near_ties.near)
+        return self._indifference
 
     @property
     def gave_up(self) -> bool:
@@ -499,7 +452,7 @@ class Elicitation:
 
         That is so once the last few of them were called equal.
         """
-        return self._equal_in_a_row >= _IN_A_ROW
+        return self._near_ties.gave_up
 
     @property
     def called_equal(self) -> bool:
@@ -507,7 +460,8 @@ class Elicitation:
 
         The tutor called them, or pairs as near, equal.
         """
-        return self._tie > self._indifference and bool((self.answers.y == 0).any() or self.gave_up)
+        wider = self._near_ties.tie > self._indifference
+        return wider and bool((self.answers.y == 0).any() or self.gave_up)
 
     @property
     def max_queries(self) -> int | None:
@@ -545,7 +499,7 @@ class Elicitation:
 
     def unable(self, pair: Pair) -> tuple[str, ...]:
         """Return which of several people could not tell a pair, or contradicted themselves."""
-        return self._besides(pair, self._cannot)
+        return self._cannot.names(pair)
 
     def _is_unclear(self, place: Place) -> bool:
         return not self._unclear.isdisjoint(place)
@@ -566,20 +520,11 @@ class Elicitation:
     def _learn_known(self, known: EarlierAnswers) -> None:
         """Take in what was answered before."""
         k = self.comparator.k
-        if isinstance(known, str | bytes | PathLike):
-            raise TypeError(
-                "known takes answers, not the path of a file: open it, "
-                f"known=elicit.AnswerLog({known!r}), or only "
-                f"read it, known=elicit.AnswerLog.read({known!r})"
-            )
+        known = checked_known(known, k)
         if isinstance(known, Answers):
-            told = check_answers(known, k)
+            told = known
             self._keep(told)
         else:
-            if not isinstance(known, Iterable):
-                raise TypeError(
-                    f"known takes Answers, an AnswerLog, or a list of elicit.Answer, not {known!r}"
-                )
             told = Answers.of(
                 [answer for answer in map(self._enter, known) if answer is not None], k
             )
@@ -613,30 +558,18 @@ class Elicitation:
         Those that called equal what is near are counted.
         """
         done = 0
-        for i, y in enumerate(told.y if self._tie and not self._several else ()):
-            if y == 0 or self._equal_in_a_row:
+        for i, y in enumerate(told.y if self._near_ties.counts else ()):
+            if y == 0 or self._near_ties.in_a_row:
                 self.comparator, _ = learn(self.comparator, told[done:i], one_by_one=False)
                 done = i
-                self._equal_in_a_row = self._counted(told.d[i], bool(y == 0), self._equal_in_a_row)
+                self._near_ties = self._near_ties.after(self.comparator, told.d[i], bool(y == 0))
         self.comparator, _ = learn(self.comparator, told[done:], one_by_one=False)
 
-    def _enter(self, known: Answer | Entry) -> Answer | None:
+    def _enter(self, entry: Entry) -> Answer | None:
         """Keep what was said of one pair; the answer itself where the comparator is to learn it."""
-        entry = known if isinstance(known, Entry) else Entry(known)
         answer = entry.answer
-        if not isinstance(answer, Answer):
-            raise TypeError(
-                "known takes Answers, an AnswerLog, or a list of elicit.Answer, but among it is "
-                f"{known!r}"
-            )
         if entry.retracted:
             return None
-        if len(answer.query.left) != self.comparator.k:
-            raise ValueError(
-                f"known is about other levels: query {answer.query.id} has "
-                f"{len(answer.query.left)}, but the "
-                f"comparator was made for k = {self.comparator.k}"
-            )
         if EXPECTED in entry.metadata:
             self.audits.append(
                 Audit(answer.query, Verdict(entry.metadata[EXPECTED]), answer.verdict)
@@ -647,7 +580,7 @@ class Elicitation:
         taken = entry.used and answer.verdict is not None
         if self._several:
             if not taken:
-                self._cannot = _with(self._cannot, answer.who, answer.query.d)
+                self._cannot = self._cannot.adding(answer.who, answer.query.d)
             return answer if taken else None
         if answer.verdict is None:
             self._untold = True
@@ -679,24 +612,6 @@ class Elicitation:
         ways = same_pairs(tail_sums(d), tail_sums(answers.d))
         return int(((ways != 0) & (ways * answers.y == verdict)).sum()) > wrong
 
-    def _count_equal(self, answers: Sequence[Answer]) -> int:
-        """Count how many answers in a row are "equal", to pairs that are certainly near."""
-        count = self._equal_in_a_row
-        for answer in answers if self._tie and not self._several else ():
-            equal = answer.verdict is Verdict.EQUAL
-            if equal or (count and answer.verdict is not None):
-                count = self._counted(answer.query.d, equal, count)
-        return count
-
-    def _counted(self, d: Floats, equal: bool, count: int) -> int:
-        """Return the count after another answer, to a difference d (k,).
-
-        Only answers to pairs that are certainly near count.
-        """
-        low, high = bounds_of(self.comparator, d[None, :])
-        near = max(-low[0], high[0]) <= self._near * (1.0 + 1e-9)
-        return (count + 1 if equal else 0) if near else count
-
     def _act_on(
         self, answer: Answer, asked: Pending, unused: bool, comparator: Comparator
     ) -> Verdict:
@@ -713,31 +628,13 @@ class Elicitation:
         return answer.verdict if now is Verdict.UNKNOWN else now
 
     def _query(self, pair: Pair, number: int) -> Query:
-        """Return the question about a pair, to whom the comparator says.
+        """Return the question about a pair, to the person whom the comparator chooses."""
+        asked = addressed(self.comparator, pair, self._cannot)
+        return Query.make(
+            self._fingerprint, number, asked.left, asked.right, asked.about, self._labels, asked.who
+        )
 
-        It may ask them about the pair with as much of the worst and of the best level added to its
-        sides.
-        """
-        left, right, about, who = pair.left, pair.right, pair.about, pair.who
-        if who is None and (people := people_of(self.comparator)):
-            asked = whom_of(self.comparator, left - right, self._besides(pair, self._cannot))
-            who = people[0] if asked is None else asked.who
-            if asked is not None and (asked.d != left - right).any():
-                more = asked.d - (left - right)
-                left, right = left + np.maximum(more, 0.0), right + np.maximum(-more, 0.0)
-                total = max(left.sum(), right.sum())
-                left, right = left / total, right / total
-                about = f"{about} (mixed with the worst and the best level)"
-        return Query.make(self._fingerprint, number, left, right, about, self._labels, who)
-
-    def _besides(self, pair: Pair, cannot: Mapping[str, AnsweredPairs]) -> tuple[str, ...]:
-        """Return which of several people cannot tell a pair."""
-        t = tail_sums((pair.left - pair.right)[None])
-        return tuple(name for name, pairs in cannot.items() if pairs.said(t)[0] != Verdict.UNKNOWN)
-
-    def _cannot_now(
-        self, settled: Sequence[tuple[Answer, Pending, bool]]
-    ) -> dict[str, AnsweredPairs]:
+    def _cannot_now(self, settled: Sequence[tuple[Answer, Pending, bool]]) -> CannotTell:
         """Return the pairs that one of several cannot tell, after these answers.
 
         An answer that was dropped counts so too: the same person would only be asked again.
@@ -745,27 +642,8 @@ class Elicitation:
         cannot = self._cannot
         for answer, asked, unused in settled if self._several else ():
             if unused or answer.verdict is None:
-                cannot = _with(cannot, answer.who, asked.pair.left - asked.pair.right)
+                cannot = cannot.adding(answer.who, asked.pair.left - asked.pair.right)
         return cannot
-
-    def _of_all(
-        self, comparator: Comparator, pair: Pair, cannot: Mapping[str, AnsweredPairs]
-    ) -> Verdict:
-        """Return the verdict of several people on a pair; UNKNOWN if another is to be asked.
-
-        If nobody can tell more, the comparator's best guess decides.
-        """
-        d = pair.left - pair.right
-        now = _implied(comparator, d)
-        if now != Verdict.UNKNOWN:
-            return now
-        low, high = bounds_of(comparator, d[None])
-        if max(-low[0], high[0]) <= self.indifference:
-            return Verdict.EQUAL
-        if whom_of(comparator, d, self._besides(pair, cannot)) is not None:
-            return Verdict.UNKNOWN
-        at = float(product(tail_sums(d[None]), np.diff(best_guess(comparator)))[0])
-        return Verdict(int(np.sign(round(at * _GUESS_GRID))))
 
     def _gaps(self) -> Floats:
         if self._guess is None or self._guess[0] is not self.comparator:
@@ -777,17 +655,6 @@ def _rows(answers: Answers, several: bool) -> Iterator[tuple[bytes, int, str | N
     """Each answer's difference and verdict, and of several people whose it is."""
     who = answers.who if several else (None,) * len(answers)
     return zip(map(np.ndarray.tobytes, answers.d), answers.y.tolist(), who, strict=True)
-
-
-def _with(
-    cannot: Mapping[str, AnsweredPairs], who: str | None, d: Floats
-) -> dict[str, AnsweredPairs]:
-    """Return the pairs that people cannot tell, with one difference d (k,) more."""
-    if who is None:
-        return dict(cannot)
-    pairs = cannot[who].copy() if who in cannot else AnsweredPairs(len(d))
-    pairs.add(d, Verdict.EQUAL, binding=False)
-    return {**cannot, who: pairs}
 
 
 def _implied(comparator: Comparator, d: Floats) -> Verdict:

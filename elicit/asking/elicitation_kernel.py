@@ -38,7 +38,7 @@ FIRST_BY_ANSWERS, LAST_BY_ANSWERS = int(min(BY_ANSWERS)), int(max(BY_ANSWERS))
 NO_FACT, COMPARATOR, PLACE, BOUNDS = range(4)  # which fact is needed to go on
 
 
-class AskingRule(NamedTuple):
+class AskingState(NamedTuple):
     """The state of an elicitation, as plain arrays."""
 
     indifference: float
@@ -74,7 +74,7 @@ class Judgement(NamedTuple):
 
 
 @compiled
-def decide_by_facts(t: Any, asking: AskingRule, facts: Facts) -> Judgement:
+def decide_by_facts(t: Any, asking: AskingState, facts: Facts) -> Judgement:
     """Decide a pair with tail sums t (p,) by the policy.
 
     The comparator's verdict on it is among the facts. The result may be that the tutor must be
@@ -106,7 +106,7 @@ def decide_by_facts(t: Any, asking: AskingRule, facts: Facts) -> Judgement:
 
 
 @compiled
-def decide_rows(rows: Any, t: Any, asking: AskingRule, facts: Facts, out: Judgement) -> None:
+def decide_rows(rows: Any, t: Any, asking: AskingState, facts: Facts, out: Judgement) -> None:
     """Write the results of ``decide_by_facts`` for rows of tail sums t (n, p) into ``out``."""
     for i in rows:
         found = decide_by_facts(
@@ -117,7 +117,7 @@ def decide_rows(rows: Any, t: Any, asking: AskingRule, facts: Facts, out: Judgem
 
 @compiled
 def decide_pair(
-    d: Any, t: Any, sums: Any, certificate: Any, rule: Rule, asking: AskingRule
+    d: Any, t: Any, sums: Any, certificate: Any, rule: Rule, asking: AskingState
 ) -> Judgement:
     """Decide by ``decide_by_facts`` a difference d (k,) that dominance leaves open.
 

@@ -10,7 +10,7 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
-from elicit.asking.elicitation import Pair
+from elicit.asking.question import Pair
 from elicit.model.scale import Floats
 
 Shown: TypeAlias = Literal["magnified", "as they are"]

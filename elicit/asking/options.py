@@ -1,10 +1,12 @@
 """The options of asking: one set of keywords for everything that asks a tutor."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from os import PathLike
 from typing import TypeAlias, TypedDict, cast
 
 from elicit._support.hashing import Seed
 from elicit._support.keywords import check_keywords
+from elicit.model.comparator import check_answers
 from elicit.model.query import Answer, Answers
 from elicit.tutors.answer_log import Entry
 
@@ -64,3 +66,41 @@ def filled(given: AskingOptions, defaults: AskingOptions) -> AskingOptions:
     """Return the options given, with ``defaults`` in the place of those left out or None."""
     missing = {name: value for name, value in defaults.items() if given.get(name) is None}
     return cast(AskingOptions, {**given, **missing})
+
+
+def checked_known(known: EarlierAnswers, k: int) -> Answers | Iterator[Entry]:
+    """Return the option ``known`` as Answers over k levels, or entry by entry.
+
+    Raises TypeError or ValueError, of an entry when it is reached.
+    """
+    if isinstance(known, str | bytes | PathLike):
+        raise TypeError(
+            "known takes answers, not the path of a file: open it, "
+            f"known=elicit.AnswerLog({known!r}), or only "
+            f"read it, known=elicit.AnswerLog.read({known!r})"
+        )
+    if isinstance(known, Answers):
+        return check_answers(known, k)
+    if not isinstance(known, Iterable):
+        raise TypeError(
+            f"known takes Answers, an AnswerLog, or a list of elicit.Answer, not {known!r}"
+        )
+    return (_checked_entry(one, k) for one in known)
+
+
+def _checked_entry(known: Answer | Entry, k: int) -> Entry:
+    """Return an answer as an entry. Raise TypeError or ValueError unless it is about k levels."""
+    entry = known if isinstance(known, Entry) else Entry(known)
+    answer = entry.answer
+    if not isinstance(answer, Answer):
+        raise TypeError(
+            "known takes Answers, an AnswerLog, or a list of elicit.Answer, but among it is "
+            f"{known!r}"
+        )
+    if not entry.retracted and len(answer.query.left) != k:
+        raise ValueError(
+            f"known is about other levels: query {answer.query.id} has "
+            f"{len(answer.query.left)}, but the "
+            f"comparator was made for k = {k}"
+        )
+    return entry

@@ -139,9 +139,9 @@ class Decisions(NamedTuple):
 def offers(comparator: object, member: str) -> bool:
     """Return whether a comparator has an optional member, without computing it.
 
-    ``isinstance`` with a runtime Protocol reads all members before Python 3.12, in an order that
-    changes from process to process: of a property such as ``draws`` it computes the value. A member
-    that is None counts as missing.
+    A member that is None counts as missing. ``isinstance`` with a runtime Protocol will not do.
+    Before Python 3.12 it reads all members, and so computes a property such as ``draws``. It reads
+    them in an order that changes from process to process.
     """
     kind = type(comparator)
     if (
@@ -149,7 +149,7 @@ def offers(comparator: object, member: str) -> bool:
         or getattr(comparator, "__dict__", {}).get(member) is not None
     ):
         return True
-    # one that hands on whatever it does not have is asked itself
+    # a wrapper may hand on members that its class does not have: only asking it tells
     return hasattr(kind, "__getattr__") and getattr(comparator, member, None) is not None
 
 

@@ -297,7 +297,7 @@ def bounds_after(
 
 
 def bounds_on_trial(comparator: Comparator, asked: Floats, d: Floats) -> Floats:
-    """Return the same by telling the comparator each answer."""
+    """Return ``bounds_after``, by telling the comparator each answer."""
     out = np.full((len(asked), 2, len(d)), -np.inf)
     for i, row in enumerate(asked):
         for part, verdict in enumerate((Verdict.WORSE, Verdict.BETTER)):
@@ -355,9 +355,9 @@ class TrustsDraws(HasDraws, Protocol):
 
 @runtime_checkable
 class StatesConfidence(Protocol):
-    """A comparator that states the confidence of its guarantees.
+    """A comparator that states the confidence of its guarantees by itself.
 
-    It differs from the share of draws that they depend on.
+    It has to if the confidence is not the share of draws under which the guarantees hold.
     """
 
     @property

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from elicit._support.hashing import Seed
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
-from elicit.asking.elicitation import AnsweredQuery, Audit, Elicitation, OnConflict, Pair, Watcher
+from elicit.asking.elicitation import Elicitation, OnConflict, Watcher
+from elicit.asking.question import AnsweredQuery, Audit, Pair
 from elicit.comparators.panel import Panel
 from elicit.model.comparator import Comparator, Tier, check_comparator_made
 from elicit.model.comparator_parts import tie_of, wrong_of

@@ -18,9 +18,10 @@ from elicit._support.validation import require
 from elicit.asking.bags import Bags
 from elicit.asking.confirming import confirming_question
 from elicit.asking.cuts import CUTTING, closing_cut, closing_cut_of_one
-from elicit.asking.elicitation import Elicitation, Pair
+from elicit.asking.elicitation import Elicitation
 from elicit.asking.magnified import AS_THEY_ARE, MAGNIFIED, Shown, magnified, multiples
 from elicit.asking.options import AskingOptions, check_options, filled
+from elicit.asking.question import Pair
 from elicit.comparators.panel import Panel
 from elicit.decision.verdicts import decide
 from elicit.model.comparator import Comparator, Tier, Tiers, offers
@@ -405,7 +406,7 @@ class InteractivePolicyIteration(Learner):
 
     def _audit(self, advantages: Advantages, found: Guarantee) -> tuple[Query, ...]:
         """Audit some of what the proof depends on; without audits, end."""
-        if self._elicitation.asking_rule().audit:
+        if self._elicitation.asking_state().audit:
             advantages = self._rounds.some_of(advantages)
             judged = self._elicitation.decide(advantages.d, partial(self._place, advantages))
             rows = np.flatnonzero(

@@ -12,8 +12,9 @@ from elicit._support import jit
 from elicit._support.hashing import fold, key_of, uniform
 from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.validation import is_whole, require
-from elicit.asking.elicitation import AnsweredQuery, Elicitation, Pair
+from elicit.asking.elicitation import Elicitation
 from elicit.asking.options import AskingOptions, check_options, filled
+from elicit.asking.question import AnsweredQuery, Pair
 from elicit.decision.comparator_rule import rule_of
 from elicit.model.comparator import Comparator, Decisions, Tier
 from elicit.model.needs import Needs, check_needs
@@ -39,8 +40,8 @@ LearningRate: TypeAlias = float | Callable[[NDArray[np.int64]], Floats]
 def rescaled_linear_rate(discount: float) -> Callable[[NDArray[np.int64]], Floats]:
     """Return the default learning rate (H + 1) / (H + 1 + visits).
 
-    Visits are counted before, and H = 1 / (1 - discount) is the effective horizon (Jin, Allen-Zhu,
-    Bubeck and Jordan 2018). It is slow enough to forget the start.
+    ``visits`` is the number of earlier visits, and H = 1 / (1 - discount) the effective horizon
+    (Jin, Allen-Zhu, Bubeck and Jordan 2018). The rate falls slowly enough to forget the start.
     """
     horizon = 1.0 / (1.0 - discount)
     return lambda visits: np.asarray((horizon + 1.0) / (horizon + 1.0 + visits), dtype=np.float64)

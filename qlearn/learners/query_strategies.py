@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 from elicit._support.fixed_order import product
 from elicit._support.validation import require
 from elicit.asking.bags import Bags, entropy
-from elicit.asking.elicitation import Elicitation, Pair, Place
+from elicit.asking.elicitation import Elicitation
+from elicit.asking.question import Pair, Place
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import Comparator
 from elicit.model.comparator_parts import lapse_of, simultaneous_bounds

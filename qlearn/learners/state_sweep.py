@@ -8,7 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit.asking.elicitation import Elicitation, Place
+from elicit.asking.elicitation import Elicitation
+from elicit.asking.question import Place
 from elicit.decision.comparator_rule import ALWAYS_ASK, NO_ARRAYS, PROOFS, Rule, rule_of, silent
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.difference_kernel import UNKNOWN, UNSETTLED

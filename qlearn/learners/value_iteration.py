@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.validation import is_whole, require
-from elicit.asking.elicitation import AnsweredQuery, Elicitation
+from elicit.asking.elicitation import Elicitation
 from elicit.asking.options import AskingOptions, check_options, filled
+from elicit.asking.question import AnsweredQuery
 from elicit.model.comparator import Comparator, Tier, offers
 from elicit.model.needs import check_needs
 from elicit.model.outcomes import Status

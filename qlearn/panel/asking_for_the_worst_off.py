@@ -15,8 +15,9 @@ import numpy as np
 
 from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.threads import one_thread
-from elicit.asking.elicitation import Elicitation, Pair
+from elicit.asking.elicitation import Elicitation
 from elicit.asking.options import AskingOptions, check_options, filled
+from elicit.asking.question import Pair
 from elicit.comparators.panel import Panel
 from elicit.model.outcomes import Status
 from elicit.model.query import Query

@@ -19,8 +19,9 @@ from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_list, is_number, is_whole, require
 from elicit.asking.bags import Bags
-from elicit.asking.elicitation import Elicitation, OnConflict, Pair
+from elicit.asking.elicitation import Elicitation, OnConflict
 from elicit.asking.options import AskingOptions, check_options, filled
+from elicit.asking.question import Pair
 from elicit.model.comparator import Comparator, Tier
 from elicit.model.comparator_parts import best_guess, simultaneous_bounds
 from elicit.model.difference import tail_sums

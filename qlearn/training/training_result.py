@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
-from elicit.asking.elicitation import Audit
+from elicit.asking.question import Audit
 from elicit.model.comparator import Comparator
 from elicit.model.outcomes import Status
 from elicit.model.query import Answers

@@ -26,7 +26,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from elicit._support.jit import compiled, written_out
 from elicit.asking.elicitation import Elicitation
-from elicit.asking.elicitation_kernel import AskingRule, Judgement, decide_pair
+from elicit.asking.elicitation_kernel import AskingState, Judgement, decide_pair
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.comparator_rule import Rule, outlasts_answers, rule_of
 from elicit.decision.judge_kernel import certifies
@@ -99,7 +99,7 @@ class Judging(NamedTuple):
     """The arrays that a loop decides a pair by."""
 
     rule: Rule
-    asking: AskingRule
+    asking: AskingState
     oracle: Respondent  # the respondent whom AlwaysAsk asks, if the tutor is there as arrays
     certificates: Certificates
     kept: Kept
@@ -156,7 +156,7 @@ class PairJudge:
             oracle = tutor.respondent if isinstance(tutor, AnswersInLoops) else oracle
         return Judging(
             rule=rule,
-            asking=elicitation.asking_rule(),
+            asking=elicitation.asking_state(),
             oracle=oracle,
             certificates=self.certificates,
             kept=self._unwatched if elicitation.watch is None else self._watched,

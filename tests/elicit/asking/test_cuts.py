@@ -31,8 +31,9 @@ def nearly_proven(k, seed, n=30):
 
 
 def halvings_left(known, asked, d):
-    """How far the two answers leave the differences from the limit, in the mean, by other programs
-    than the code's.
+    """Return how far the two answers leave the differences from the limit, in the mean.
+
+    It is computed by other programs than the code's.
     """
     share, total = float((tail_sums(asked) @ known.draws.gaps < 0).mean()), 0.0
     for weight, y in ((share, -1), (1 - share, 1)):

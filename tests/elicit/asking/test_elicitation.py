@@ -27,14 +27,15 @@ from elicit import (
     TruthfulTutor,
     Verdict,
 )
-from elicit.asking.elicitation import Elicitation, Pair
+from elicit.asking.elicitation import Elicitation
 from elicit.asking.elicitation_kernel import (
     NO_FACT,
-    AskingRule,
+    AskingState,
     Facts,
     decide_by_facts,
     decide_pair,
 )
+from elicit.asking.question import Pair
 from elicit.decision.comparator_rule import rule_of
 from elicit.model.comparator import BY_ANSWERS
 from elicit.model.difference_kernel import UNSETTLED
@@ -117,7 +118,7 @@ def policy(
     close: bool,
     guess: int,
 ) -> tuple[int, int]:
-    """What settles a pair, in words of one line each: verdict and tier."""
+    """Return verdict and tier of a pair, by one plain line for each rule."""
     if verdict != UNKNOWN and tier <= Tier.DOMINANCE:
         return verdict, tier
     if bound and said != UNKNOWN:
@@ -136,9 +137,9 @@ def policy(
 
 def asking(
     audit: float = 0.0, guess: int = UNKNOWN, said: int = UNKNOWN, bound: bool = False
-) -> AskingRule:
+) -> AskingState:
     """A rule under which the pair OPEN was answered, or not."""
-    rule = elicitation(audit=audit, indifference=1e-6).asking_rule()
+    rule = elicitation(audit=audit, indifference=1e-6).asking_state()
     told = elicitation()
     put(told, EQUAL)
     gaps = {
@@ -147,12 +148,12 @@ def asking(
         WORSE: np.eye(K - 1)[0],
         EQUAL: np.zeros(K - 1),
     }[guess]
-    table = told.asking_rule().answered
+    table = told.asking_state().answered
     if said != UNKNOWN or bound:
         table.said[:1], table.binding[:1] = EQUAL if said == UNKNOWN else said, bound
         rule = rule._replace(answered=table)
     return rule._replace(
-        key=told.asking_rule().key, unclear=True, guess=gaps, plain=not (audit or bound)
+        key=told.asking_state().key, unclear=True, guess=gaps, plain=not (audit or bound)
     )
 
 
@@ -218,7 +219,7 @@ def test_arrays_single_pairs_and_loops_agree(
         put(asked_by, verdict, d[row], drop=True, place=(row,))
     d = np.concatenate([d, -d[:6]])
     together = asked_by.decide(d, lambda row: (row % 7,))
-    rule, asks = rule_of(asked_by.comparator), asked_by.asking_rule()
+    rule, asks = rule_of(asked_by.comparator), asked_by.asking_state()
     for i, (verdict, tier) in enumerate(zip(*together, strict=True)):
         alone = asked_by.decide(d[i : i + 1], lambda row, i=i: (i % 7,))  # type: ignore[misc]
         assert alone.verdicts[0] == verdict
@@ -234,7 +235,10 @@ def test_arrays_single_pairs_and_loops_agree(
 
 
 def same(tier: int, other: int) -> bool:
-    """Which proof came first depends on what was asked before; not so whether it was one."""
+    """Return whether two tiers are the same, or are both proofs.
+
+    Which proof comes first depends on earlier questions. Whether there is a proof does not.
+    """
     return tier == other or {tier, other} <= set(BY_ANSWERS)
 
 

@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from elicit.asking.elicitation import Pair
 from elicit.asking.magnified import magnified, multiples
+from elicit.asking.question import Pair
 from tests.thoroughness import examples
 
 

@@ -57,7 +57,7 @@ def test_every_asker_takes_every_option_and_hands_it_on(name: str) -> None:
     assert asks.batch == 2
     assert asks.indifference == 0.01
     assert asks.audits_left == 3
-    assert asks.asking_rule().audit == 0.5
+    assert asks.asking_state().audit == 0.5
     queries = asker.ask()
     assert all(query.labels == ("bad", "poor", "fair", "good") for query in queries)
     assert name == "Elicitation" or asker.seed == 5
@@ -94,7 +94,7 @@ def test_defaults_stand_in_for_what_is_left_out_or_none() -> None:
 
 @pytest.mark.parametrize("name", [name for name in ASKERS if name != "Elicitation"])
 def test_an_option_is_documented_once(name: str) -> None:
-    """With the common set, and nowhere as a parameter of one that takes it."""
+    """It is documented in the common set, and not as a parameter of anything that takes the set."""
     sections = inspect.getdoc(getattr(qlearn, name)) or ""
     for option in AskingOptions.__annotations__:
         assert f"\n{option} :" not in sections

@@ -24,7 +24,8 @@ from elicit import (
     Verdict,
     choose,
 )
-from elicit.asking.elicitation import Elicitation, Pair
+from elicit.asking.elicitation import Elicitation
+from elicit.asking.question import Pair
 from elicit.tutors.answer_log import CONTRADICTS
 from tests.interruptions import interrupted_at_each_line
 from tests.thoroughness import quick_first
@@ -74,7 +75,7 @@ def path(tmp_path):
 
 
 def same(one: Any, other: Any) -> bool:
-    """Whether two choices, and all that they rest on, are the same."""
+    """Return whether two choices, and all that they depend on, are the same."""
     parts = [
         (c.order, c.status, c.asked, c.decided, c.answers.ids, c.answers.d.tobytes())
         for c in (one, other)
@@ -371,7 +372,9 @@ def test_a_crash_before_a_contradiction_was_marked(path):
 
 
 def test_answers_that_contradict_each_other_from_the_start():
-    """As in a merged log: the asker knows as many as go together, the earlier ones first."""
+    """They may come from a merged log. The asker takes as many as fit together, the earlier ones
+    first.
+    """
     asked = Ring().pairs
     log = AnswerLog()
     for i, pair in enumerate(asked):

@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 from elicit import AlwaysAsk, Answers, Decisions, Query, Tier, Verdict
-from elicit.asking.elicitation import Audit
+from elicit.asking.question import Audit
 from qlearn import Guarantee, OrdinalMDP, Result, Status, random_mdp, value_iteration
 from qlearn.experiments.metrics import (
     Watch,

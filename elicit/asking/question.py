@@ -1,0 +1,59 @@
+"""A pair to ask about, and its records as a pending query, as an answered one, and as an audit."""
+
+from collections.abc import Hashable
+from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
+
+from elicit.model.comparator import Tier
+from elicit.model.query import Query, Verdict
+from elicit.model.scale import Floats
+
+Place: TypeAlias = tuple[Hashable, ...]
+"""Names of where a pair is compared, such as a state and two of its actions.
+
+Its vectors may still change a little there. One name is the sentence that asks about the pair, for
+a log keeps it. Another is the same sentence with left and right exchanged."""
+
+
+class Pair(NamedTuple):
+    """Two vectors (k,) to ask about, in words for people, and where they are compared.
+
+    With a ``tier`` other than TUTOR it is an audit, of a pair that the answers decided by that
+    tier. ``who`` is the person to ask. If it is None, the comparator chooses one of several.
+    """
+
+    left: Floats
+    right: Floats
+    about: str
+    place: Place = ()
+    tier: int = int(Tier.TUTOR)
+    who: str | None = None
+
+
+class Pending(NamedTuple):
+    """A query, its pair, and for an audit the verdict that the answers imply."""
+
+    query: Query
+    pair: Pair
+    expected: Verdict | None
+
+
+class AnsweredQuery(NamedTuple):
+    """A query that was answered, and the verdict to act on."""
+
+    pending: Pending
+    verdict: Verdict
+
+
+@dataclass(frozen=True)
+class Audit:
+    """A comparison that the answers had decided, put to the tutor all the same."""
+
+    query: Query
+    expected: Verdict
+    answer: Verdict | None
+
+    @property
+    def contradicts(self) -> bool:
+        """True if the tutor said the opposite of what the answers imply."""
+        return self.answer is not None and self.expected * self.answer == -1
