@@ -72,11 +72,15 @@ DEFAULT = Choice()
 
 
 class Measured(NamedTuple):
-    """What is measured of a run: questions in percent of all comparisons of two different actions,
-    and of those that dominance leaves open; figure 4's formula, in percent, signed as printed,
-    against always asking a truthful tutor; true policy loss beyond that oracle's, and the oracle's
-    own, in percent of the value range; answers of the tutor that were wrong, in percent (nan where
-    none was asked); CPU seconds of the run, the oracle's not counted."""
+    """The measurements of a run, in the order of its fields.
+
+    - Questions, in percent of all comparisons of two different actions, and of those that dominance
+      leaves open.
+    - Figure 4's formula, in percent, signed as printed, against always asking a truthful tutor.
+    - True policy loss beyond that oracle's, and the oracle's own, in percent of the value range.
+    - Answers of the tutor that were wrong, in percent (nan if none was asked).
+    - CPU seconds of the run, without the oracle's.
+    """
 
     asked_of_all: float
     asked_of_open: float
@@ -138,18 +142,25 @@ def measure(cell: Mapping[str, Any], steps: int) -> Measured:
 
 
 def with_nothing(mdp: OrdinalMDP, values: Floats) -> tuple[OrdinalMDP, Floats]:
-    """The same problem over k + 1 levels, the worst of which, "nothing", no action earns and is
-    worth 0; and its values (k + 1,).
+    """Return the same problem and its values over k + 1 levels.
 
-    With all vectors starting on that level, the shares of the other k are the paper's counting
-    vectors from the zeros of line 4, times 1 - discount, and gap 1 is e_1 - 0: so e_1 is one more
-    parameter of the fit, as in eq. (7), a comparison is one of the values as they are drawn, e_1 =
-    0 not assumed, and eq. (4) counts all rewards too. Where e_1 is drawn as 0, nothing is worth a
-    millionth less, for values must increase.
+    The worst level, "nothing", is earned by no action and is worth 0. All vectors start on it. So
+    the
+    shares of the other k are the paper's counting vectors from the zeros of line 4, times 1 -
+    discount,
+    and gap 1 is e_1 - 0. Three things follow. First, e_1 is one more parameter of the fit, as in
+    eq. (7). Second, comparisons are of the values as they are drawn; e_1 = 0 is not assumed. Third,
+    eq. (4) counts all rewards too. If e_1 is drawn as 0, nothing is worth a millionth less, because
+    values must increase.
     """
     labels = ("nothing", *mdp.labels)
     longer = OrdinalMDP(
-        mdp.successors, mdp.probabilities, mdp.levels + 1, mdp.discount, labels, mdp.initial
+        mdp.successors,
+        mdp.probabilities,
+        mdp.levels + 1,
+        mdp.discount,
+        labels,
+        initial=mdp.initial,
     )
     return longer, np.concatenate([[min(0.0, values[0] - 1e-6)], values])
 
@@ -164,7 +175,7 @@ def _comparator(choice: Choice, k: int, seed: int) -> BradleyTerryComparator | P
 def measure_all(
     choices: Sequence[Choice], seeds: Sequence[range], size: Size, journal: Path | None, jobs: int
 ) -> list[dict[str, Floats]]:
-    """Of each choice, every measure over its ``seeds`` (n,). A journal keeps finished runs."""
+    """Measure each choice over its ``seeds`` (n,). A journal keeps finished runs."""
     states, levels, steps = size
     cells = [
         {"choice": asdict(choice), "states": states, "levels": levels, "seed": seed}
@@ -194,8 +205,12 @@ def cells_of(
 
 
 def answer(differences: Floats, least: float) -> str:
-    """What paired differences (n,) tell of a measure: "more" or "less" where their 95% interval
-    excludes 0, else "as much" where it lies within ``least`` on both sides, else "inconclusive"."""
+    """Return "more", "less", "as much" or "inconclusive" for paired differences (n,) of a measure.
+
+    It is "more" or "less" if their 95% interval excludes 0, and "as much" if the interval lies
+    within
+    ``least`` on both sides.
+    """
     mean, half = float(np.mean(differences)), _half_width(differences)
     if abs(mean) > half:
         return "more" if mean > 0 else "less"

@@ -6,12 +6,13 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self, TypedDict, Unpack
+from typing import Any, Self, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
+from elicit._support.keywords import check_keywords
 from elicit._support.validation import is_number, require
 from elicit.model.scale import Floats, normalise
 from qlearn.mdp import array_checks as checks
@@ -19,11 +20,9 @@ from qlearn.mdp import gymnasium_tables
 from qlearn.mdp import transition_tables as tables
 from qlearn.mdp.array_checks import Flags, Indices
 
-_DEFAULT: Any = None  # the fields below are never None once constructed, whatever was passed
-
 
 class _Parts(TypedDict, total=False):
-    """The keywords that every way to make an MDP takes."""
+    """The keywords that every way to make an MDP takes. ``OrdinalMDP`` says what each means."""
 
     initial: ArrayLike | None
     terminal: ArrayLike | None
@@ -32,10 +31,12 @@ class _Parts(TypedDict, total=False):
 
 
 class _AllParts(_Parts, total=False):
+    """These keywords, and ``admissible``, which ``from_pairs`` finds out by itself."""
+
     admissible: ArrayLike | None
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False, init=False)
 class OrdinalMDP:
     """An MDP whose reward is one of k named levels, worst first, of unknown value.
 
@@ -55,6 +56,9 @@ class OrdinalMDP:
         In [0, 1).
     labels : (k,) str
         The names of the levels.
+
+    Other Parameters
+    ----------------
     initial : (S,), optional
         The distribution of an episode's first state. Default: uniform over the states that are not
         terminal.
@@ -72,7 +76,7 @@ class OrdinalMDP:
     ValueError
         For a value that cannot be. The message names its index.
     TypeError
-        For anything that is no array of numbers.
+        For anything that is no array of numbers, and for an unknown keyword.
 
     Notes
     -----
@@ -92,32 +96,23 @@ class OrdinalMDP:
     levels: NDArray[np.integer[Any]]  # int32 once stored
     discount: float
     labels: tuple[str, ...]
-    initial: Floats = _DEFAULT
-    terminal: Flags = _DEFAULT
-    admissible: Flags = _DEFAULT
-    state_names: tuple[str, ...] | None = None
-    action_names: tuple[str, ...] | None = None
+    initial: Floats
+    terminal: Flags
+    admissible: Flags
+    state_names: tuple[str, ...] | None
+    action_names: tuple[str, ...] | None
 
-    if (
-        TYPE_CHECKING
-    ):  # what may be given, which is more than what is stored; the dataclass writes it
-
-        def __init__(
-            self,
-            successors: ArrayLike,
-            probabilities: ArrayLike,
-            levels: ArrayLike,
-            discount: float,
-            labels: Sequence[str],
-            initial: ArrayLike | None = None,
-            terminal: ArrayLike | None = None,
-            admissible: ArrayLike | None = None,
-            state_names: Sequence[str] | None = None,
-            action_names: Sequence[str] | None = None,
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        probabilities = checks.numbers("probabilities", self.probabilities)
+    def __init__(
+        self,
+        successors: ArrayLike,
+        probabilities: ArrayLike,
+        levels: ArrayLike,
+        discount: float,
+        labels: Sequence[str],
+        **rest: Unpack[_AllParts],
+    ) -> None:
+        check_keywords(type(self), rest, _AllParts.__annotations__)
+        probabilities = checks.numbers("probabilities", probabilities)
         if probabilities.ndim != 3 or 0 in probabilities.shape:
             raise ValueError(
                 "probabilities must have shape (S, A, b), each at least 1, not "
@@ -125,14 +120,13 @@ class OrdinalMDP:
                 "OrdinalMDP.from_dense takes a table (S, A, S), from_sparse a sparse one"
             )
         n, m, b = probabilities.shape
-        targets = checks.numbers("successors", self.successors, (n, m, b), whole=True)
-        labels = checks.labels(self.labels)
-        levels = checks.levels(self.levels, (n, m), len(labels))
-        holds = is_number(self.discount, 0) and float(self.discount) < 1
-        require(holds, "discount", "a number in [0, 1)", self.discount)
-        discount = float(self.discount)
-        terminal = checks.flags("terminal", self.terminal, (n,), default=False)
-        admissible = checks.flags("admissible", self.admissible, (n, m), default=True)
+        targets = checks.numbers("successors", successors, (n, m, b), whole=True)
+        labels = checks.labels(labels)
+        levels = checks.levels(levels, (n, m), len(labels))
+        holds = is_number(discount, 0) and float(discount) < 1
+        require(holds, "discount", "a number in [0, 1)", discount)
+        terminal = checks.flags("terminal", rest.get("terminal"), (n,), default=False)
+        admissible = checks.flags("admissible", rest.get("admissible"), (n, m), default=True)
         if terminal.all():
             raise ValueError(
                 f"all {n} states are terminal: there is nothing to decide; clear at least one"
@@ -145,10 +139,11 @@ class OrdinalMDP:
         checks.check_terminal_levels(levels, terminal, admissible)
         successors, probabilities = checks.clean(targets, probabilities, terminal, admissible)
 
-        if self.initial is None:
+        initial = rest.get("initial")
+        if initial is None:
             initial = ~terminal / np.count_nonzero(~terminal)
         else:
-            initial = checks.distributions("initial", checks.numbers("initial", self.initial, (n,)))
+            initial = checks.distributions("initial", checks.numbers("initial", initial, (n,)))
             checks.reject(
                 "initial",
                 initial,
@@ -156,13 +151,13 @@ class OrdinalMDP:
                 "must be 0: an episode cannot start in a terminal state",
             )
 
-        states = checks.names("state_names", self.state_names, n)
-        actions = checks.names("action_names", self.action_names, m)
+        states = checks.names("state_names", rest.get("state_names"), n)
+        actions = checks.names("action_names", rest.get("action_names"), m)
         stored = (
             successors,
             probabilities,
             levels,
-            discount,
+            float(discount),
             labels,
             initial,
             terminal,
@@ -209,12 +204,7 @@ class OrdinalMDP:
         levels: ArrayLike,
         discount: float,
         labels: Sequence[str],
-        *,
-        initial: ArrayLike | None = None,
-        terminal: ArrayLike | None = None,
-        admissible: ArrayLike | None = None,
-        state_names: Sequence[str] | None = None,
-        action_names: Sequence[str] | None = None,
+        **rest: Unpack[_AllParts],
     ) -> OrdinalMDP:
         """Make an MDP from sparse ``transitions``.
 
@@ -222,25 +212,18 @@ class OrdinalMDP:
         ``OrdinalMDP.transitions``, or a sequence of A matrices (S, S), one for each action.
 
         Rows are stored at the length of the longest. So one state with very many successors takes
-        memory for all. Raise ValueError.
+        memory for all. ``rest``: initial, terminal, admissible, state_names, action_names. Raise
+        ValueError.
         """
         matrix = tables.from_sparse(transitions)
         n = matrix.shape[1]
-        ends = checks.flags("terminal", terminal, (n,), default=False)
-        offered = checks.flags("admissible", admissible, (n, matrix.shape[0] // n), default=True)
-        successors, probabilities = tables.padded(matrix, offered & ~ends[:, None])
-        return cls(
-            successors,
-            probabilities,
-            levels,
-            discount,
-            labels,
-            initial,
-            ends,
-            offered,
-            state_names,
-            action_names,
+        ends = checks.flags("terminal", rest.get("terminal"), (n,), default=False)
+        offered = checks.flags(
+            "admissible", rest.get("admissible"), (n, matrix.shape[0] // n), default=True
         )
+        successors, probabilities = tables.padded(matrix, offered & ~ends[:, None])
+        rest["terminal"], rest["admissible"] = ends, offered
+        return cls(successors, probabilities, levels, discount, labels, **rest)
 
     @classmethod
     def from_pairs(
