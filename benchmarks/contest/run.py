@@ -14,6 +14,7 @@ import argparse
 import sys
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -110,12 +111,22 @@ def load(part: str = "held_out") -> pd.DataFrame:
     return frame
 
 
-def check(count: int) -> tuple[int, int]:
-    """Repeat a sample of the committed rows; return how many differ in anything but seconds.
+@dataclass(frozen=True)
+class Differing:
+    """Numbers of repeated rows that differ from the committed ones in anything but seconds.
 
-    The first number is of our methods, which are the same on every processor, and the second of the
-    others. Some of these choose by what LAPACK computes, which rounds otherwise on another kind of
-    processor. Rows of methods whose packages are not installed are left out of the sample.
+    Our methods are the same on every processor. Some of the others choose by what LAPACK computes,
+    which rounds differently on another kind of processor.
+    """
+
+    ours: int
+    others: int
+
+
+def check(count: int) -> Differing:
+    """Repeat a sample of the committed rows, and count those that differ.
+
+    Rows of methods whose packages are not installed are left out of the sample.
     """
     frame = pd.read_csv(ROWS)
     playable = frame["method"].map(lambda name: METHODS[str(name)].playable)
@@ -123,24 +134,26 @@ def check(count: int) -> tuple[int, int]:
     if left_out:
         print(f"left out, as their packages are not installed: {'; '.join(left_out)}")
     frame = frame[playable]
-    # the sample is stated: the rows whose keys have the least hashes
+    # by hashes of the keys, so that everybody repeats the same sample
     order = [
         zlib.crc32("/".join(str(row[name]) for name in KEY).encode())
         for row in frame[list(KEY)].to_dict("records")
     ]
     chosen = frame.iloc[pd.Series(order).sort_values(kind="stable").index[:count]]
     questions = max(int(str(name).split()[1]) for name in frame if str(name).startswith("worst"))
-    other = {True: 0, False: 0}
+    differing = []
     for row in chosen.to_dict("records"):
         cell = {name: row[name] for name in KEY} | {"questions": questions}
         again = flat(cell, run(cell))
         differs = [name for name in again if name != TIMED and again[name] != row[name]]
-        other[str(row["method"]).startswith(OURS)] += bool(differs)
+        if differs:
+            differing.append(str(row["method"]))
         said = f"differs in {', '.join(map(str, differs))}" if differs else "same"
         print(" | ".join(str(row[name]) for name in KEY), said, sep=": ", flush=True)
-    same = count - sum(other.values())
+    same = count - len(differing)
     print(f"{same} of {count} rows are the same in every digit but their seconds")
-    return other[True], other[False]
+    ours = sum(name.startswith(OURS) for name in differing)
+    return Differing(ours=ours, others=len(differing) - ours)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -159,8 +172,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, help="where to write the rows, and rows.stamp beside")
     given = parser.parse_args(arguments)
     if given.check is not None:
-        ours, others = check(given.check)
-        return int(ours > 0 or others > MAY_DIFFER * given.check)
+        found = check(given.check)
+        return int(found.ours > 0 or found.others > MAY_DIFFER * given.check)
     from benchmarks.contest import run as here  # the name that workers and the journal know
 
     plan = problems.plan()
