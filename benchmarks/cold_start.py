@@ -53,8 +53,9 @@ COMPARATORS = {
 
 
 def cases(out: str) -> dict[str, list[str]]:
-    """What is run, by its name: the arguments of an interpreter. ``out`` is a folder for
-    results.
+    """Return the arguments of the interpreter for each case, by name.
+
+    ``out`` is a folder for results.
     """
     found = {
         "imports": [

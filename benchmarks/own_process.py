@@ -25,8 +25,10 @@ class Failed(RuntimeError):
 
 
 def apart(task: Callable[..., T], *arguments: Any, limit: float | None = None) -> T:
-    """What ``task(*arguments)`` finds in a new process, a function of a module. Raises Failed where
-    it does not end well, or not within ``limit`` seconds."""
+    """Return the result of ``task(*arguments)``, a function of a module, from a new process.
+
+    Raises Failed if the process does not end well, or not within ``limit`` seconds.
+    """
     spec = sys.modules[
         task.__module__
     ].__spec__  # whose name is the module's also where it runs as __main__

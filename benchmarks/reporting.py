@@ -78,8 +78,10 @@ def publish(parts: Iterable[list[str]], out: Path | None, seeds: str = "") -> No
 
 
 def save(text: str, out: Path | None, seeds: str = "") -> None:
-    """Write a report to the file that ``--out`` names, if any, and make its folder. The file is
-    stamped (``stamps``); ``seeds`` says which the numbers are of, such as "0-19"."""
+    """Write a report to the file that ``--out`` names, if any, and make its folder.
+
+    The file is stamped (``stamps``). ``seeds`` names the seeds of the numbers, such as "0-19".
+    """
     if out is not None:
         out.parent.mkdir(parents=True, exist_ok=True)
         out.write_text(text, encoding="utf-8")

@@ -27,7 +27,7 @@ MEANS = {"a": "a", "b": "b", "e": "equal", "?": "cannot tell"}
 
 
 def make(known):
-    """Who asks, knowing these answers."""
+    """Return the asker that knows these answers."""
     vectors = np.array(list(COURSES.values())) / 10
     comparator = elicit.PosteriorComparator(k=len(LEVELS))  # it allows for errors
     return elicit.choose(

@@ -34,7 +34,7 @@ WORDS = elicit.Words(
 
 
 def make(known):
-    """Who asks, knowing these answers."""
+    """Return the asker that knows these answers."""
     comparator = elicit.PosteriorComparator(k=len(LEVELS))  # it allows for errors
     return qlearn.InteractivePolicyIteration(
         MDP, comparator, bags=elicit.Bags(days=10), known=known

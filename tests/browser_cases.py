@@ -72,7 +72,7 @@ class Listed:
         self._told |= {answer.query.id for answer in answers}
 
     def result(self) -> int:
-        """How many were answered."""
+        """Return the number of questions that were answered."""
         return len(self._told)
 
     def _learn(self, answers: Sequence[Answer]) -> None:
@@ -82,7 +82,7 @@ class Listed:
 
 
 def says(answered: int) -> list[str]:
-    """What comes out of a ``Listed``."""
+    """Return the result of a ``Listed``, in words."""
     return [
         f"The plan rests on {answered} answers and may lose at most 0.8%.",
         "It differs in 2 of 700 states:",
@@ -102,9 +102,11 @@ def served(
     least: int = 0,
     **more: Any,
 ) -> Iterator[Any]:
-    """A ``WebServer`` of a session that asks these, and no others unless ``least`` says so.
+    """Start a ``WebServer`` of a session that asks these questions.
 
-    ``more``: further parts of its Subject."""
+    With ``least`` above 0 the interview may add further ones. ``more`` are further parts of its
+    Subject.
+    """
     from elicit.person.hosts.web import WebServer
 
     subject = Subject(tuple(labels), words, report=says, least=least, **more)
@@ -116,7 +118,7 @@ def served(
 
 
 def executable() -> str:
-    """Where the browser is. Skips the test where there is none, or fails it where CI is set."""
+    """Return the path of the browser. Without one skip the test, or fail it if CI is set."""
     path = shutil.which("chromium-headless-shell")
     if path is None:
         why = "no chromium-headless-shell: on Debian, apt-get install chromium-headless-shell"

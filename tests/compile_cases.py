@@ -1,6 +1,6 @@
-"""What users do first, each small: README's example, an ICU-Sepsis session, every learner with
-every comparator.
-"""
+"""First steps of users, each small: README's example, an ICU-Sepsis session, every learner.
+
+Each learner runs with every comparator."""
 
 import re
 from collections.abc import Iterator
@@ -117,7 +117,7 @@ def sessions() -> None:
 
 
 def report() -> Iterator[str]:
-    """What each of these had compiled, all of them in this process: its name, and the functions."""
+    """Yield the name of each case, and the functions that it had compiled, all in this process."""
     compiled = Compiled()
     for part in (readme, icu, choices, sessions):
         part()

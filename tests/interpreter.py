@@ -32,5 +32,5 @@ def run(code: str, folder: Path | None = None, **environment: str) -> list[str]:
 
 
 def report_of(test: str) -> list[str]:
-    """What the function ``report`` of a module of tests returns where nothing is compiled."""
+    """Return the result of the function ``report`` of a module of tests, with nothing compiled."""
     return run(f"from {test} import report; print(*report(), sep='\\n')", NUMBA_DISABLE_JIT="1")

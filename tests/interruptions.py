@@ -63,8 +63,10 @@ def _traced(
 
 
 def _leaves_a_block(frame: FrameType) -> bool:
-    """Whether the next thing is the end of a with statement, whose body is over: Python looks for
-    signals where something is called, not there."""
+    """Return whether the next instruction ends a with statement whose body is over.
+
+    Python looks for signals at calls, and there is none.
+    """
     line = linecache.getline(frame.f_code.co_filename, frame.f_lineno)
     return (
         line.lstrip().startswith("with ")

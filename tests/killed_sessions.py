@@ -65,8 +65,12 @@ def told(log: Path) -> list[Any]:
 
 
 def killed(folder: Path, kills: int, seed: int) -> dict[str, Any]:
-    """How often it was killed, how many answers there were in all, how many of them marked unused,
-    and what was wrong, which should be nothing."""
+    """Run a session that is killed so many times, and count.
+
+    The result has the numbers of kills, of answers and of those marked unused, and the faults
+    found.
+    There should be none.
+    """
     chance, wrong, done, answers, unused, round_ = random.Random(seed), [], 0, 0, 0, 0
     undisturbed = []
     for case, (make, says, outcome) in enumerate(cases()):

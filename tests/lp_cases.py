@@ -263,7 +263,7 @@ def least_from_scratch(t: Rationals, region: Region) -> Fraction | None:
 
 
 def is_empty(region: Region) -> bool:
-    """Whether no g satisfies the region's constraints."""
+    """Return whether no g satisfies the region's constraints."""
     return least_from_scratch([Fraction(0)] * region.p, region) is None
 
 
@@ -369,8 +369,9 @@ def random_margin(rng: Rng, truth: Rationals) -> float:
 
 
 def questions(rng: Rng, d: Floats, truth: Rationals, count: int) -> Floats:
-    """What is asked: fresh differences, cuts and what lies close to them, combinations, ties, and
-    nothing.
+    """Return differences to ask about.
+
+    They are fresh ones, cuts and differences near these, combinations, ties, and zero.
     """
     p = len(truth)
     k = p + 1
@@ -637,7 +638,7 @@ def region(rows: Any, margin: float = 0.0, rhs: Any = None) -> floats.Region:
 
 
 def exactly(r: floats.Region) -> Region:
-    """The same region in rationals."""
+    """Return the same region in rationals."""
     out = Region(r.p, r.exact_margin, [], [])
     for row, limit in zip(r.rows, r.rhs, strict=True):
         out.add(exact(row), Fraction(float(limit)))
@@ -645,7 +646,7 @@ def exactly(r: floats.Region) -> Region:
 
 
 def normalised(g: Any) -> Rationals:
-    """The point of total 1 on the ray through floats g."""
+    """Return floats g divided by their total, exactly."""
     numbers = exact(g)
     total = sum(numbers, Fraction(0))
     return [x / total for x in numbers]
@@ -660,8 +661,9 @@ def known_sets(seed: int, count: int, most: int = 9) -> Iterator[tuple[str, floa
 
 
 def objectives(rng: Rng, r: floats.Region, count: int) -> list[Floats]:
-    """Of order 1: random ones, rows and sums of rows, and such that the least value is 0, or
-    nearly.
+    """Return objectives of order 1.
+
+    They are random ones, rows and sums of rows, and such whose least value is 0, or nearly.
     """
     out = []
     for _ in range(count):
@@ -682,14 +684,16 @@ def objectives(rng: Rng, r: floats.Region, count: int) -> list[Floats]:
 
 
 def rows_kept(c: PolytopeComparator) -> int:
-    """How many rows are left of a comparator's once those are dropped that follow from others."""
+    """Return how many of a comparator's rows are left without those that follow from others."""
     return len(c._set.region.rows)
 
 
 def check_proofs(c: PolytopeComparator) -> None:
-    """What a comparator has come to know is true, in rationals: rows that hold on K_t, points in
-    it, one of them strictly inside. Only here and in ``rows_kept`` do tests look at how it is
-    kept."""
+    """Check in rationals that a comparator's stored facts are true.
+
+    They are rows that hold on K_t, points in it, and one strictly inside. Only this function and
+    ``rows_kept`` look at how facts are stored.
+    """
     kept, known = c._set.region, c._set._known
 
     def least_slack(g: Rationals) -> Fraction:

@@ -1,4 +1,4 @@
-"""What a user brings to an ablation, in a module that the command line and workers can import."""
+"""Parts that a user brings to an ablation, in a module that command and workers can import."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""What learners ask, by value, in runs that a last bit could turn: symmetric grids, ties, audits,
-batches, errors.
+"""Questions of learners, by value, in runs that a last bit could change.
+
+They have symmetric grids, ties, audits, batches and errors.
 
 ``python -m tests.processor_cases`` writes the record anew, after a change that is meant to change
 the questions.
@@ -36,7 +37,7 @@ def grid(side: int, k: int, seed: int) -> qlearn.OrdinalMDP:
 
 
 class Run(NamedTuple):
-    """How to make a learner, which may be told what is known, and the tutor whom it asks."""
+    """A learner to be made, with what it may know at first, and the tutor whom it asks."""
 
     name: str
     make: Callable[..., Any]

@@ -1,6 +1,4 @@
-"""What people read: a benchmark's report, run quickly, and its tables; the intervals in a
-picture.
-"""
+"""Reports as people read them: a benchmark's quick report, its tables, a picture's intervals."""
 
 import shlex
 import subprocess
@@ -15,8 +13,9 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def quick_report(module: str, folder: Path, *settings: str) -> str:
-    """What ``python -m module --quick`` prints, without a warning, and writes, stamped, to a folder
-    that is new.
+    """Return the text that ``python -m module --quick`` prints without a warning.
+
+    It also writes it, stamped, to a new folder.
     """
     out = folder / "new folder" / "report.md"
     command = [sys.executable, "-W", "error", "-m", module, "--quick", *settings, "--out", str(out)]

@@ -1,4 +1,4 @@
-"""Which methods of the contest are tried in a quick run."""
+"""Methods of the contest that a quick run tries."""
 
 from benchmarks.contest.methods import METHODS
 from tests.thoroughness import quick_first

@@ -51,7 +51,7 @@ class Teach:
         self.process.communicate()
 
     def prompted(self) -> str:
-        """What is shown up to the next prompt, or to the end."""
+        """Return the text that is shown up to the next prompt, or to the end."""
         assert self.process.stdout is not None
         since = b""
         while not since.endswith(b"\n> ") and (byte := self.process.stdout.read(1)):
@@ -75,8 +75,9 @@ class Teach:
 
 
 class Typing(io.StringIO):
-    """What a truthful person types at a command that runs in this process, who sees what it has
-    shown.
+    """The input of a truthful person at a command that runs in this process.
+
+    The person sees what the command has shown.
     """
 
     def __init__(self, shown: Callable[[], str], values: Mapping[str, float]) -> None:

@@ -13,7 +13,7 @@ from tests.web_person import Visitor
 
 
 class Guest(Visitor):
-    """Who opens a link of a study: a visitor whose page lies under a path of its own."""
+    """A visitor who opens a link of a study, whose page lies under a path of its own."""
 
     def __init__(self, link: str) -> None:
         self.folder = urlsplit(link).path.rstrip("/")

@@ -1,6 +1,6 @@
-"""What the tests of sweeps and ablations compute. A module of its own, so that a worker starts
-without the rest.
-"""
+"""Cells that the tests of sweeps and ablations compute.
+
+They have a module of their own, so that a worker starts without the rest."""
 
 import os
 import signal

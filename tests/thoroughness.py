@@ -1,6 +1,4 @@
-"""How much a test tries: all of it in a run that has the slow tests, a part of it in a quick
-one.
-"""
+"""Thoroughness of a test: all its cases in a run that has the slow tests, a part in a quick one."""
 
 from collections.abc import Iterable
 from itertools import combinations, product
@@ -39,9 +37,7 @@ def examples(slow: int) -> settings:
 
 
 def quick_first(values: Iterable[Any], quick: int) -> list[Any]:
-    """Return parameters of a test of which only the first few are of the quick run; the others are
-    slow.
-    """
+    """Return a test's parameters, all but the first ``quick`` of them marked as slow."""
     return [
         value if i < quick else pytest.param(value, marks=pytest.mark.slow)
         for i, value in enumerate(values)

@@ -1,6 +1,6 @@
-"""What learners and comparators come to, as hashes to the last bit, at sizes where BLAS would share
-work out.
-"""
+"""Results of learners and comparators, as hashes to the last bit.
+
+Their sizes are such that BLAS would share the work out."""
 
 import hashlib
 from collections.abc import Iterator, Sequence

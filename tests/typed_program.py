@@ -1,4 +1,4 @@
-"""A user's program, for a type checker: what may be given is more than what is stored.
+"""A user's program for a type checker: constructors accept more types than they store.
 
 ``make lint`` checks it, and that its last line is wrong."""
 

@@ -14,8 +14,9 @@ from tests.scripted_person import Teach
 
 
 class Visitor:
-    """Who opens a printed address: keeps the cookie that he is given, and what he sent and was
-    answered.
+    """A visitor who opens a printed address.
+
+    It keeps the cookie that it is given, what it sent, and the replies.
     """
 
     def __init__(self, address: str) -> None:
@@ -77,7 +78,7 @@ class TeachWeb(Teach):
 
 
 def truthful(question: Any, values: Mapping[str, float]) -> str:
-    """What one chooses of the two sides of a question by the values of the levels, by name."""
+    """Return the choice between the two sides of a question, by the values of the named levels."""
     apart = sum(values[row["label"]] * (row["a"] - row["b"]) for row in question["rows"])
     return "equal" if abs(apart) < 1e-9 else "a" if apart > 0 else "b"
 
@@ -106,5 +107,7 @@ def answer_all(
 
 
 def untimed(end: Mapping[str, Any]) -> dict[str, Any]:
-    """What a screen says at the end, but for remarks, which depend on how fast answers came in."""
+    """Return the texts of the end's screen, without remarks that depend on the speed of the
+    answers.
+    """
     return {name: said for name, said in end.items() if name != "remarks"}

@@ -1,1 +1,1 @@
-"""How many questions a policy costs, and whether certificates hold."""
+"""Number of questions that a policy costs, and whether certificates hold."""

@@ -77,7 +77,7 @@ two actions are often smaller than any tie.
 
 
 class Run(NamedTuple):
-    """What one run has cost and promised."""
+    """The cost of one run, and what it promised."""
 
     asked: int
     equal: int

@@ -109,7 +109,7 @@ answered truthfully, and ours with a tenth flipped."""  # noqa: E501
 
 
 def run(learner: Learner, tutor: Tutor) -> tuple[Result, list[float]]:
-    """The result, and how long each question took to come, in ms."""
+    """Return the result, and the waits for each question in ms."""
     waits, begin = [], perf_counter()
     while queries := learner.ask():
         waits.append(1e3 * (perf_counter() - begin))
@@ -120,8 +120,10 @@ def run(learner: Learner, tutor: Tutor) -> tuple[Result, list[float]]:
 
 
 def problem(name: str, seed: int) -> tuple[OrdinalMDP, Floats]:
-    """An MDP and its hidden values (k,): ICU-Sepsis, one of a family, or a random MDP of the paper
-    with "k = ..." levels.
+    """Return an MDP and its hidden values (k,).
+
+    ``name`` is ICU-Sepsis, a family, or "k = ..." for a random MDP of the paper with so many
+    levels.
     """
     if name in (ICU, *FAMILIES):
         mdp = _icu() if name == ICU else FAMILIES[name](seed)
@@ -139,8 +141,11 @@ def _icu_unasked() -> Actions:
 
 
 def certify(cell: Cell) -> Row:
-    """One learner on one problem: questions, whether it spent its budget, whether its bound was
-    kept, the wrong answers, and the waits for questions in ms."""
+    """Run one learner on one problem.
+
+    The row has the number of questions, whether the budget was spent and the bound held, the wrong
+    answers, and the waits for questions in ms.
+    """
     seed, who = cell["seed"], cell["errs"]
     mdp, values = problem(cell["problem"], seed)
     comparator: Comparator = PolytopeComparator(mdp.k)
@@ -172,7 +177,7 @@ def certify(cell: Cell) -> Row:
 
 
 def tolerance(cell: Cell) -> float:
-    """What a policy may lose, as a share of the value range, for a certificate to stand."""
+    """Return the largest loss that a certificate allows, as a share of the value range."""
     return PROVEN if cell["errs"] == NEVER and cell["problem"] in RANDOM else ENOUGH
 
 
@@ -233,13 +238,12 @@ RULES: Mapping[str, Callable[[OrdinalMDP, Floats, float], int]] = {
         hindsight.bound_queries, choose=hindsight.current_solution
     ),
 }
-"""How many questions of a truthful tutor prove the policy of an MDP within a tolerance, by each
-rule.
+"""Number of questions to a truthful tutor until the policy is proven within a tolerance, by rule.
 """
 
 
 def limits(cell: Cell) -> list[tuple[str, str, float]]:
-    """Of one problem: how the tutor errs, the rule, and its number of questions."""
+    """Count the questions of each rule on one problem; return (tutor, rule, number) each."""
     mdp, values = problem(cell["problem"], cell["seed"])
     found: list[tuple[str, str, float]] = []
     for what, number in hindsight.hindsight(mdp, values, PROVEN).items():

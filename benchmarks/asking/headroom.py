@@ -1,4 +1,4 @@
-"""How much there is to gain by asking: the loss of acting as if the gaps between levels were equal.
+"""Gain by asking, at most: the loss of acting as if the gaps between levels were equal.
 
     python -m benchmarks.asking.headroom --out benchmarks/RESULTS-headroom.md    a few minutes
     python -m benchmarks.asking.headroom --problems 5                            rough figures
@@ -97,7 +97,7 @@ HEAD = [
 
 
 def summary(found: Mapping[str, Mapping[str, Floats]]) -> str:
-    """Return a sentence on how many families lose much on even scales."""
+    """Return a sentence on the number of families that lose much on evenly spaced scales."""
     means = np.array([found[name]["even"].mean(axis=0) for name in FAMILIES])
     worst, initial = (
         int(np.count_nonzero(means[:, column] >= MUCH[column])) for column in (WORST, INITIAL)

@@ -1,5 +1,4 @@
-"""How few answers could prove a policy, had one known the scale; what no rule can go below; and the
-rules of others.
+"""Fewest answers that could prove a policy, limits that no rule goes below, and others' rules.
 
 - **Hindsight, greedy**: the hidden scale is known, and so is its optimal policy. Of that policy's
   advantages, over all states and actions, the truthful answer is told about the one that leaves
@@ -81,8 +80,10 @@ def hindsight(mdp: OrdinalMDP, values: Floats, tolerance: float) -> dict[str, fl
 
 
 def bits(d: Floats) -> float:
-    """How many halvings of all ordered scales those are for which no row of d (n, k) is above 0, by
-    draws from smaller and smaller sets."""
+    """Return -log2 of the share of ordered scales on which no row of d (n, k) is above 0.
+
+    It is estimated by draws from smaller and smaller sets.
+    """
     known, t, total = PolytopeComparator(d.shape[1]), tail_sums(d), 0.0
     while True:
         right = t @ known.draws.gaps <= 0
@@ -116,13 +117,16 @@ def hindsight_of_posterior(mdp: OrdinalMDP, values: Floats, tolerance: float, se
 
 
 def largest_gap(gaps: Floats, advantages: Advantages, high: Floats) -> int:
-    """The level of which most is open, of gaps (k,)."""
+    """Return the level of the widest of the gaps (p,)."""
     return int(np.argmax(gaps))
 
 
 def current_solution(gaps: Floats, advantages: Advantages, high: Floats) -> int:
-    """The same, weighed by the shares of the policy, or of the alternative of the greatest bound,
-    high (n,).
+    """Return the level of the widest gap, weighed by how much of the level the best two plans have.
+
+    These are the policy, and the alternative with the greatest bound, of ``high`` (n,). The greater
+    of
+    their shares counts.
     """
     row = int(np.argmax(high))
     v = advantages.v[advantages.states[row]]
@@ -130,7 +134,7 @@ def current_solution(gaps: Floats, advantages: Advantages, high: Floats) -> int:
 
 
 def bound_queries(mdp: OrdinalMDP, values: Floats, tolerance: float, choose: Level) -> int:
-    """How many bound queries, at ``MOST``, until the optimum of the central scale is proven."""
+    """Count bound queries, at most ``MOST``, until the optimum of the central scale is proven."""
     e, known, levels = mdp.normalise(values), PolytopeComparator(mdp.k), np.eye(mdp.k)
     policy = np.argmax(mdp.admissible, axis=1)
     for asked in range(MOST):

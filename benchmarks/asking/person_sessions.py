@@ -47,8 +47,10 @@ class Setting(NamedTuple):
 
 
 class Run(NamedTuple):
-    """What came out of a session: answers, repeats not counted; the bound that is said, its
-    confidence; the loss; and the loss of asking nothing.
+    """The result of a session.
+
+    It has the number of answers without repeats, the bound that is stated and its confidence, the
+    loss, and the loss of asking nothing.
     """
 
     answered: int
@@ -108,7 +110,7 @@ def scale(k: int, number: int) -> Floats:
 
 
 def person(values: Floats, setting: Setting, number: int) -> Person:
-    """Who answers a question as it is drawn: "a", "b" or "equal"."""
+    """Return a person who answers a question as it is drawn: "a", "b" or "equal"."""
     rng = np.random.default_rng([number, 7])
 
     def says(question: dict[str, Any]) -> str:

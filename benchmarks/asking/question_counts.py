@@ -1,4 +1,4 @@
-"""How many questions a policy costs: true loss and guaranteed loss against the number of answers.
+"""Number of questions that a policy costs: true and guaranteed loss against the number of answers.
 
     python -m benchmarks.asking.question_counts --quick
         # a minute; rough figures
@@ -195,8 +195,10 @@ def _random_policy(mdp: OrdinalMDP, rng: np.random.Generator) -> Any:
 
 
 def cells(environments: Sequence[str], seeds: int, methods: Sequence[str] = METHODS) -> list[Row]:
-    """Who is measured on what: a polytope for the tutor who never errs, a posterior for all, an
-    ensemble of fits with the default strategy."""
+    """List the runs: a polytope for the tutor who never errs, a posterior for all.
+
+    An ensemble of fits runs with the default strategy only.
+    """
     out = []
     for environment in environments:
         for method in methods:
@@ -271,7 +273,7 @@ def line(method: str, comparator: str, rows: Sequence[Row]) -> str:
 
 
 def _closing(groups: dict[tuple[Any, ...], list[Row]]) -> list[str]:
-    """How many questions the default asks before it stops."""
+    """Write the section on the number of questions until the default stops."""
     lines = [
         "## How many questions will my expert have to answer?",
         "",

@@ -1,4 +1,4 @@
-"""Which question next: others' rules beside ours, all else equal.
+"""Rules for the next question: those of others beside ours, all else equal.
 
     python -m benchmarks.asking.question_rules --quick
         # a minute; rough figures
@@ -116,8 +116,10 @@ def report(done: Sequence[tuple[Cell, Row]]) -> Iterator[list[str]]:
 
 
 def _fewer(groups: dict[Key, dict[str, list[Row]]]) -> list[str]:
-    """Where another rule asks fewer questions than our default, or loses less after so many
-    answers, first; then how many more questions each asks."""
+    """Write where another rule asks fewer questions than our default, or loses less after so many.
+
+    The number of further questions that each rule asks comes after it.
+    """
     rows, fewer, less_lost = [], list[str](), list[str]()
     others, columns = [rule for rule in RULES if rule != OURS], range(1, len(questions.GRID) - 1)
     for rule in others:
@@ -170,7 +172,7 @@ def _asked(rows: Sequence[Row]) -> Floats:
 
 
 def _interval(x: Floats) -> tuple[float, float]:
-    """Of the mean of x (n,), 95%, by Student's t."""
+    """Return the 95% interval of the mean of x (n,), by Student's t."""
     half = float(stats.t.ppf(0.975, len(x) - 1) * stats.sem(x)) if len(x) > 1 else np.inf
     return float(x.mean()) - half, float(x.mean()) + half
 

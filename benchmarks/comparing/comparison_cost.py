@@ -104,7 +104,7 @@ def report(levels: list[int], kinds: list[Kind], seed: int, quick: bool) -> Iter
 
 
 def costs(stream: Stream, quick: bool = False) -> list[Cost]:
-    """What each method costs on one stream, the comparator of this project last."""
+    """Measure the cost of each method on one stream, the comparator of this project last."""
     truth = run(OURS.make, stream).verdicts  # also compiles what is to be compiled
     patience = 0.0 if quick else 2.0
     found = [cost(entry, stream, truth, patience, 10 if quick else 1) for entry in ENTRIES]

@@ -112,7 +112,7 @@ class CvxpyRebuilt(TwoPrograms):
 
 
 class CvxpyParameter(CvxpyRebuilt):
-    """The same with the difference as a Parameter, compiled once an answer."""
+    """``CvxpyRebuilt`` with the difference as a Parameter, compiled once for each answer."""
 
     def __init__(self, k: int, margin: float) -> None:
         super().__init__(k, margin)

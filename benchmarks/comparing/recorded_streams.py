@@ -61,9 +61,7 @@ class Stream:
             before = known
 
     def take(self, chosen: NDArray[np.bool_]) -> Stream:
-        """The same stream with only some of its rows, but all its answers; ``chosen``
-        (len(self),).
-        """
+        """Return the stream with all its answers, but of its rows only ``chosen`` (len(self),)."""
         ends = np.cumsum([len(segment.d) for segment in self.segments])[:-1]
         parts = zip(self.segments, np.split(chosen, ends), strict=True)
         return replace(self, segments=tuple(Segment(known, d[part]) for (known, d), part in parts))
@@ -93,7 +91,7 @@ class Recorder:
 
     @property
     def answers(self) -> Answers:
-        """What the inner comparator learned from."""
+        """Return the answers that the inner comparator learned from."""
         return self._inner.answers
 
     @property
@@ -137,7 +135,7 @@ def record(
 
 
 def needed_rows(answers: Answers, margin: float) -> int:
-    """How many of the answers' inequalities cut K_t: the others follow from them."""
+    """Count the answers' inequalities that cut K_t: the others follow from them."""
     rows, limits = cuts(answers)
     keep = np.ones(len(rows), dtype=bool)
     for i, row in enumerate(rows):

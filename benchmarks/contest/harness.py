@@ -22,7 +22,7 @@ Question = tuple[Floats, Floats]
 
 
 class Told(NamedTuple):
-    """What a method is told of the tutor: the name of the law, and two parameters that fit it best.
+    """The law of the tutor as a method knows it: its name, and the two parameters that fit it best.
 
     A share ``lapse`` of the answers is random, the others follow a logistic law with ``precision``
     logits per unit of value. So 10% of flips are a lapse of 20%, with an infinite precision.

@@ -34,7 +34,7 @@ INDIFFERENCE = 0.005
 
 
 class Size(NamedTuple):
-    """How many seeds, steps, states and actions."""
+    """Numbers of seeds, steps, states and actions."""
 
     seeds: int
     steps: int

@@ -45,7 +45,7 @@ class Share(NamedTuple):
 
     @staticmethod
     def of(part: int, whole: int, parts: Ints, wholes: Ints) -> Share:
-        """Of the totals, and of the totals (m,) of resamples."""
+        """Make a share from its totals, and from the totals (m,) of resamples."""
         some = wholes > 0
         if not whole or not some.any():
             return Share(np.nan, np.nan, np.nan)
@@ -73,7 +73,7 @@ class Cell(NamedTuple):
 
     @property
     def broken(self) -> bool:
-        """Whether the promise surely does not hold."""
+        """True if the error rate significantly exceeds the promise (95%)."""
         return self.judged and self.share_wrong.low > PROMISE
 
     def flat(self) -> dict[str, object]:

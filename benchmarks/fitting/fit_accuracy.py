@@ -1,6 +1,4 @@
-"""How far the fits of ``fit_methods`` are from the optima, and what the paper's rule decides by
-them.
-"""
+"""Distance of the fits of ``fit_methods`` from the optima, and decisions by the paper's rule."""
 
 from __future__ import annotations
 
@@ -52,9 +50,12 @@ def polished(problem: Problem, data: Data, gamma: Floats) -> Floats:
 
 
 def doubt(problem: Problem, data: Data, gamma: Floats) -> float:
-    """How far admissible gamma (r, p), to the first r resamples, may be from the optima, in theta /
-    theta_k: with a ridge no optimum is farther away than the length of the gradient over the ridge
-    (strong convexity)."""
+    """Bound the distance of admissible gamma (r, p) from the optima of the first r resamples.
+
+    It is in units of theta / theta_k. With a ridge no optimum is farther away than the length of
+    the
+    gradient over the ridge (strong convexity).
+    """
     slope = (
         problem.ridge * gamma
         - derivatives(gamma, data.t, data.answers.y, data.counts[: len(gamma)])[0]
@@ -66,8 +67,11 @@ def doubt(problem: Problem, data: Data, gamma: Floats) -> float:
 
 
 def disagreement(problem: Problem, data: Data, gamma: Floats) -> float:
-    """How far gamma (r, p) is from cvxpy's fits to the first r resamples, tightly solved, in theta
-    / theta_k; nan where Clarabel breaks down on all of them."""
+    """Return the distance of gamma (r, p) from cvxpy's fits to the first r resamples, tightly
+    solved.
+
+    It is in units of theta / theta_k, and nan if Clarabel breaks down on all of them.
+    """
     off = [math.nan]
     for ours, counts in zip(gamma, data.counts, strict=False):
         drawn = np.repeat(np.arange(len(data.t)), counts.astype(int))

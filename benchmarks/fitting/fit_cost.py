@@ -1,5 +1,4 @@
-"""Cost per answer of keeping a model of an unreliable tutor up to date: the usual tools and
-this project's.
+"""CPU time an answer of keeping a model of an unreliable tutor up to date, with each tool.
 
     python -m benchmarks.fitting.fit_cost [--answers 30 300 3000] [--levels 5 10 20] [--quick]
     [--out FILE.md]
@@ -82,7 +81,7 @@ def report(
 
 
 def costs(cell: list[Data], tight: list[References]) -> list[Line]:
-    """What each method costs on these data sets, and what becomes of its rule."""
+    """Measure the cost of each method on these data sets, and the verdicts of its rule."""
     return [cost(entry, cell, tight) for entry in ENTRIES]
 
 

@@ -143,7 +143,7 @@ def one_by_one(make: Callable[[Data], Comparator], data: Data, fits: int) -> Run
 
 
 def ensemble(data: Data) -> Comparator:
-    """With the tutor's own precision, which serves its prior, and the resamples' number."""
+    """Return an ensemble of all resamples; the tutor's own precision serves its prior."""
     return BradleyTerryComparator(
         data.answers.k, precision=data.top, n_boot=len(data.counts) - 1, level=LEVEL
     )

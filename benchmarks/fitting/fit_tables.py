@@ -29,7 +29,7 @@ class Line(NamedTuple):
 
 
 def about(cell: list[Data], tight: list[References]) -> str:
-    """How often the tutors erred, and how good the references with a ridge are."""
+    """Write the error rate of the tutors, and the accuracy of the references with a ridge."""
     errors = np.mean([data.errors for data in cell])
     off = max(
         doubt(problem, data, each[problem])
@@ -70,8 +70,9 @@ def fastest(
     measured: dict[tuple[int, int], list[Line]],
     items: dict[tuple[int, int], tuple[list[ItemLine], int]],
 ) -> list[str]:
-    """Who fits the same problem fastest, by (k, n), where another library wins first: a sentence
-    and a table.
+    """Write who fits the same problem fastest, by (k, n), as a sentence and a table.
+
+    Cases that another library wins come first.
     """
     rows = []
     for (k, n), lines in measured.items():
@@ -113,7 +114,7 @@ def fastest(
 
 
 def notes(sets: int, m: int) -> list[str]:
-    """What was measured, and how to read it."""
+    """Write notes on what was measured, and how to read it."""
     return [
         f"Milliseconds of processor time an answer, mean over {sets} data set(s) for each table: a "
         "tutor whose gaps "

@@ -68,7 +68,7 @@ def scipy_minimize(t: Floats, y: Signs, ordered: bool) -> Refit:
 
 
 def scipy_trust_region(t: Floats, y: Signs) -> Refit:
-    """With the Hessian too."""
+    """Refit by SciPy's trust region method, which takes the Hessian too."""
     x = t * y[:, None]
 
     def refit(counts: Floats, start: Floats) -> Floats:
@@ -94,8 +94,9 @@ def scipy_trust_region(t: Floats, y: Signs) -> Refit:
 
 
 def _loss(x: Floats, counts: Floats) -> Callable[[Floats], tuple[float, Floats]]:
-    """Of gaps (p,): minus eq. (7) plus the ridge, and its gradient; x (n, p) the rows times the
-    answers.
+    """Return a function of gaps (p,): minus eq. (7) plus the ridge, and its gradient.
+
+    The rows of x (n, p) are multiplied by the answers.
     """
     kept = counts > 0
     rows, c = x[kept], counts[kept]

@@ -1,5 +1,4 @@
-"""How seconds, questions and memory grow: learners with states and levels, comparators with
-answers; exponents.
+"""Growth of seconds, questions and memory with states, levels and answers, and its exponents.
 
     python -m benchmarks.learning.growth_by_size [--journal FILE] [--afford 60] [--quick] \
         [--out FILE.md]
@@ -70,7 +69,7 @@ Method = Callable[
 
 
 class Series(NamedTuple):
-    """What was found of a method at each size along an axis, and why there is no more."""
+    """Measurements of a method at each size along an axis, and why there are no more."""
 
     axis: str
     who: str
@@ -79,8 +78,10 @@ class Series(NamedTuple):
 
 
 def q_learning(name: str) -> Method:
-    """With a comparator, as ``learning_cost`` runs it: the polytope with a truthful tutor, the
-    others with one who flips a tenth, exploring at random."""
+    """Return Q-learning with a comparator, as ``learning_cost`` runs it.
+
+    The polytope has a truthful tutor. The others have one who flips a tenth, and explore at random.
+    """
     noisy: Any = {} if name == "polytope" else {"error": 0.1, "epsilon": 1.0}
     noisy |= {"max_queries": MOST_ASKED} if name == "box" else {}
 
@@ -261,7 +262,7 @@ def exponent(found: dict[int, Found], name: str) -> str:
 
 
 def cell_of(values: Sequence[float] | None, name: str, unit: float) -> str:
-    """What a table says of one measure of a cell."""
+    """Write one measure of a cell as a table shows it."""
     if values is None:
         return ""
     if name == "bytes" and values[0] < LEAST:

@@ -47,8 +47,12 @@ KNOWING = "the same loop, values known"
 
 
 class Plan(NamedTuple):
-    """What all measurements vary, the levels k, and how much of its run a rival gets: open
-    comparisons, steps, questions, and the peer's steps; the sizes of the growth."""
+    """The setting that all measurements vary, the levels k, the size of a rival's run, and the
+    growth.
+
+    A rival's run is cut short: to so many open comparisons, steps and questions, and a peer's to so
+    many steps. The sizes at which growth is measured come last.
+    """
 
     at: Setting
     levels: tuple[int, ...]
@@ -82,13 +86,16 @@ def noisy(plan: Plan) -> Iterator[Part]:
 
 
 def noisy_settings(plan: Plan) -> list[Setting]:
-    """Those with the posterior; five levels are left to the truthful tutor where there are more."""
+    """Return the settings with the posterior, one for each number of levels.
+
+    Numbers below 10 are left to the truthful tutor if there are larger ones.
+    """
     levels = [k for k in plan.levels if k >= 10] or plan.levels
     return [replace(plan.at, k=k, comparator="posterior", error=0.1, epsilon=1.0) for k in levels]
 
 
 def beside_knowing(at: Setting) -> Iterator[Part]:
-    """The rows on one setting."""
+    """Yield the rows on one setting."""
     found, what = apart(runs.beside_knowing, at), named(at)
     guessed = fmean(found["guessed"])
     yield Row(
@@ -192,8 +199,9 @@ def whole_run(at: Setting, found: Found, rival: str, limit: Limit | None) -> Row
 
 
 def a_question(at: Setting, found: Found, limit: Limit | None) -> Iterator[Row]:
-    """What a question costs with a bootstrap, over the rival's first ones and over a whole run like
-    ours.
+    """Write the cost of a question with a bootstrap.
+
+    It is taken over the rival's first questions, and over a whole run like ours.
     """
     what, here = f"{named(at)}: per question", took(found["ours a question"])
     rival, sizes, asked = (
@@ -220,8 +228,9 @@ def a_question(at: Setting, found: Found, limit: Limit | None) -> Iterator[Row]:
 
 
 def peer(plan: Plan) -> Iterator[Part]:
-    """Another package's tabular Q-learning, steps a second. Not MushroomRL's: it is pinned to NumPy
-    1.24.
+    """Measure another package's tabular Q-learning, in steps a second.
+
+    MushroomRL is left out, because it is pinned to NumPy 1.24.
     """
     rival = "pymdptoolbox QLearning, rewards known"
     at = replace(plan.at, k=10, prefix=plan.peer)
@@ -287,7 +296,7 @@ def grow(plan: Plan) -> Iterator[Part]:
 
 
 def by_answers(at: Setting) -> list[str]:
-    """A row on what an answer costs."""
+    """Return a row on the cost of an answer."""
     found = apart(growth.per_answer, at)
     more = f", {at.particles:,} particles" if at.comparator == "posterior" else ""
     parts = [took(seconds) for _, _, seconds in found["parts"]]

@@ -1,5 +1,4 @@
-"""How the cost of interactive Q-learning grows, and what surrounds it: time by answers, memory,
-start-up, a peer.
+"""Growth of the cost of interactive Q-learning: time by answers, memory, start-up, and a peer.
 
 Like ``benchmarks.learning.learning_runs``: each function in a process of its own.
 """

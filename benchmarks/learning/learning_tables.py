@@ -10,7 +10,7 @@ from benchmarks.reporting import machine, markdown
 
 
 class Limit(NamedTuple):
-    """What a ratio is to keep: at most so much (a cost), or at least (a saving)."""
+    """A limit on a ratio: at most so much (a cost), or at least so much (a saving)."""
 
     most: float | None = None
     least: float | None = None
@@ -19,7 +19,7 @@ class Limit(NamedTuple):
         return f"at most {self.most:,g}" if self.most is not None else f"at least {self.least:,g}"
 
     def kept(self, ratio: float) -> bool:
-        """Whether it is."""
+        """Return whether the ratio keeps to the limit."""
         return ratio <= self.most if self.most is not None else ratio >= (self.least or 0.0)
 
 
@@ -152,7 +152,7 @@ def took(seconds: float) -> str:
 
 
 def about(steps: int, states: int, actions: int, seeds: int, repeats: int) -> list[str]:
-    """What was measured, and how to read it."""
+    """Write notes on what was measured, and how to read it."""
     return [
         f"Unless said otherwise: {steps:,} steps of Q-learning on random MDPs of {states} states "
         f"and {actions} "

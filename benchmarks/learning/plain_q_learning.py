@@ -45,7 +45,7 @@ class Judge(Protocol):
         """Take in further answers."""
 
     def settle(self, t: Floats) -> int:
-        """The verdict on tail sums t (p,) whose largest size is 1; UNKNOWN: ask the tutor."""
+        """Return the verdict on tail sums t (p,), the largest of size 1; UNKNOWN: ask the tutor."""
 
 
 class Tutor(Protocol):
@@ -57,9 +57,19 @@ class Tutor(Protocol):
 
 @dataclass
 class Run:
-    """Where a run stands. ``judging``: CPU seconds spent on what dominance left open, answers
-    included; ``seconds``: all; ``opened``: how many comparisons that were; ``asked``: the
-    differences (k,) put to the tutor."""
+    """The state of a run.
+
+    Attributes
+    ----------
+    judging : float
+        CPU seconds spent on comparisons that dominance left open, answers included.
+    seconds : float
+        CPU seconds in all.
+    opened : int
+        Number of comparisons that dominance left open.
+    asked : list of (k,)
+        Differences that were put to the tutor.
+    """
 
     best: NDArray[np.int64]
     q: Floats
@@ -108,7 +118,7 @@ class World:
         }
 
     def successor(self, s: int, a: int, visit: int) -> int:
-        """Where action a leads from s, when it was taken so often before."""
+        """Return the state that action a leads to from s, at the given visit of the two."""
         ahead = self._next[s, a]
         while visit >= len(ahead):
             ahead += self._draw(s, a, len(ahead), len(ahead))
@@ -132,8 +142,10 @@ def q_learning(
     key: int,
     enough: Callable[[Run], bool] = lambda run: False,
 ) -> Run:
-    """Algorithm 1, all mass on the worst level at first, until ``enough`` says so, after a step.
-    Building the simulator is not timed."""
+    """Run Algorithm 1 until ``enough`` returns True after a step.
+
+    All mass is on the worst level at first. The time to build the simulator is not counted.
+    """
     world = World(mdp, key, steps, epsilon)
     gamma, rates, levels = (
         mdp.discount,

@@ -39,7 +39,7 @@ class Solver(NamedTuple):
 
     @property
     def missing(self) -> bool:
-        """Whether it cannot run here."""
+        """True if a package that it needs is not installed."""
         return self.needs is not None and find_spec(self.needs) is None
 
 

@@ -245,7 +245,7 @@ def report(
 
 
 def _who_wins(fastest: str, seconds: dict[str, float]) -> str:
-    """What the table shows, in a sentence: who knows the values is faster."""
+    """Write what the table shows in a sentence: a method that knows the values is faster."""
     each = [
         f"{method} {seconds[method] / seconds[fastest]:.1f} times"
         for method in VECTORS

@@ -1,5 +1,4 @@
-"""Loss by way of exploring: policy loss of Q-learning with a tutor who is always asked
-and never errs.
+"""Policy loss of Q-learning by each way to explore; the tutor is always asked and never errs.
 
 python -m benchmarks.paper.exploration --out docs/exploration.md       about five minutes on one
 core

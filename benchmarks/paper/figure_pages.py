@@ -122,7 +122,7 @@ def _cell(row: Any) -> str:
 
 
 def _dominance(frame: pd.DataFrame) -> str:
-    """What dominance settles of the comparisons of runs with the polytope, in the first series."""
+    """Write the share of the polytope's comparisons that dominance decides, in the first series."""
     parts = []
     for k, runs in _first_series(frame[frame.comparator == "polytope"]).groupby("levels"):
         parts.append(f"{with_interval(100 * runs.dominance / runs.compared, 1)}% at k = {k}")
@@ -133,8 +133,9 @@ def _dominance(frame: pd.DataFrame) -> str:
 
 
 def _fewer(frame: pd.DataFrame) -> str:
-    """What the fewest and the most levels take, and lose: the polytope with a truthful tutor,
-    others with the worst.
+    """Write the questions and the losses at the fewest and at the most levels.
+
+    The polytope has a truthful tutor, the others have the worst.
     """
     parts = []
     for name in dict.fromkeys(frame.comparator):
@@ -168,7 +169,7 @@ def _places(frame: pd.DataFrame) -> str:
 
 
 def _with_sign(told: pd.DataFrame) -> str:
-    """Whether the formula is below 1% where its sign is left as it is."""
+    """Write whether the formula is below 1% if its sign is left as it is."""
     rows = told[(told.figure == 4) & (told.measure == "paper_loss_percent")]
     below = (rows.high < 1).sum()
     return (
@@ -179,7 +180,7 @@ def _with_sign(told: pd.DataFrame) -> str:
 
 
 def _by_answer(rows: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, list[str]]]:
-    """Of each answer, "holds" first, the tutors with whom it is true, by comparator."""
+    """Return the tutors with whom each answer is true, by comparator; "holds" comes first."""
     found: dict[str, dict[str, list[str]]] = {}
     for answer in (HOLDS, FAILS, OPEN):
         for name, by_tutor in rows.items():

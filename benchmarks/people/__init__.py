@@ -1,1 +1,1 @@
-"""How real people answer, and how well comparators and laws of error predict them."""
+"""Answers of real people, and how well comparators and laws of error predict them."""

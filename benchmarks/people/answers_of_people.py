@@ -1,4 +1,4 @@
-"""How people err, which law of error fits them, and how comparators predict their answers.
+"""Errors of people, the law of error that fits them, and predictions of answers by comparators.
 
 Needs the folder with the tables that are not shipped; docs/people.md says what they hold.
 """
@@ -112,7 +112,7 @@ def introduction() -> list[str]:
 
 
 def again(logs: dict[str, dict[str, AnswerLog]], folder: Path) -> Iterator[str]:
-    """How people answer the same question again."""
+    """Write the section on people who answer the same question again."""
     head = ("experiment", "people", "answers that disagree", "pairs without disagreement",
             "quartiles of a pair's disagreement", "people's, from least to most",
             "said indifferent")  # fmt: skip
@@ -224,7 +224,7 @@ def choosing_page(
     chosen: dict[str, tuple[float, float, float, float]],
     people: int,
 ) -> Iterator[str]:
-    """What the choosing half says of numbers of levels and of laws."""
+    """Write the page on levels and laws, as the choosing half of the people shows them."""
     head = ("levels", "law", "log-likelihood", "calibration error", "with a prior of people: "
             "log-likelihood", "calibration error")  # fmt: skip
     yield "## Lotteries: the choosing half"

@@ -22,7 +22,7 @@ Bools = NDArray[np.bool_]
 
 
 class Choices(NamedTuple):
-    """What n people said of m questions.
+    """Answers of n people to m questions.
 
     left, right (m, k) are share vectors. ``said`` (n, m) is 1 for left, 0 for right, nan where
     there is no answer. ``side`` (n, m) is 1 if left was shown first, -1 if right was.
@@ -42,7 +42,7 @@ class Choices(NamedTuple):
 
     @property
     def answered(self) -> Bools:
-        """Which answers (n, m) there are."""
+        """Flags (n, m) of the answers that there are."""
         return np.asarray(~np.isnan(self.said))
 
 

@@ -256,7 +256,7 @@ def earlier_people(choices: Choices, fewer: Sequence[int]) -> Iterator[str]:
 def after_few(
     choices: Choices, learned: EarlierPeople | None, counts: Sequence[int]
 ) -> Iterator[str]:
-    """How soon a person is known, with and without earlier people."""
+    """Measure how soon a person is known, with and without earlier people."""
     n, m = choices.said.shape
     who = np.flatnonzero(~choosing_half(n))
     fold_of = deal(n, m, FOLDS, SEED)

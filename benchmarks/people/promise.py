@@ -1,4 +1,4 @@
-"""How often a stated bound holds with tutors who err as people do: policy iteration, the posterior.
+"""Share of bounds that hold with tutors who err as people do: policy iteration, the posterior.
 
     python -m benchmarks.people.promise --journal results/promise.jsonl \
         --out benchmarks/RESULTS-promise.md

@@ -1,4 +1,4 @@
-"""How people answer the same question again: disagreement, sides, and laws of error for repeats.
+"""Repeated questions to people: disagreement, sides, and laws of error for repeats.
 
 A law needs a scale. With one prize a gamble and few pairs, a scale of one parameter will do: the
 value of a prize is its power r. So a person has three or four parameters for each set of gambles,

@@ -27,7 +27,7 @@ KERNELS = {
 
 
 def available() -> bool:
-    """Whether botorch can be imported."""
+    """Return whether botorch can be imported."""
     return find_spec("botorch") is not None
 
 

@@ -134,7 +134,7 @@ def _of_scales(found: Scales, weights: Floats, d: Floats) -> Believed:
 
 
 def particles(problem: Problem, seed: int) -> tuple[Believed, float]:
-    """As it comes; the lapse by its mean."""
+    """Run our posterior with its defaults, and take the lapse by its mean."""
     answers, k = problem.answers, len(problem.values)
     before = PosteriorComparator(k, seed=seed).update(answers[:-1])
     begin = process_time()
@@ -160,8 +160,9 @@ def by_hamiltonian(
 
 
 def by_ensemble(problem: Problem, seed: int, steps: int = 1000) -> tuple[Believed, float]:
-    """emcee, 64 walkers, its moves by differential evolution, which mix better here than its
-    stretch move.
+    """Run emcee with 64 walkers.
+
+    They move by differential evolution, which mixes better here than its stretch move.
     """
     import emcee
 
@@ -198,7 +199,7 @@ def by_gaussian_process(name: str) -> Method:
 
 
 def methods() -> dict[str, Method]:
-    """Those whose libraries are installed, by name; ours first."""
+    """Return the methods whose libraries are installed, by name; ours first."""
     found: dict[str, Method] = {
         "PosteriorComparator": particles,
         "Hamiltonian, same posterior": by_hamiltonian,
@@ -364,7 +365,7 @@ def _beyond(found: Sequence[dict[str, Row]], name: str) -> Floats:
 def _wins(
     groups: dict[tuple[str, int, int], list[dict[str, Row]]], names: Sequence[str]
 ) -> list[str]:
-    """Where others are better than ours, problem by problem, then where they are worse."""
+    """Write where others are better than ours, problem by problem, then where they are worse."""
     ours, rows, better, safer = names[0], list[tuple[float, list[str]]](), list[str](), list[str]()
     runs = [run for found in groups.values() for run in found]
     for name in names[1:]:
@@ -410,7 +411,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _surely_below(x: Floats) -> bool:
-    """Whether the mean of x (n,) is below 0 by more than half its 95% t-interval."""
+    """Return whether the mean of x (n,) is significantly below 0 (95% t-interval)."""
     return len(x) > 1 and bool(x.mean() + stats.t.ppf(0.975, len(x) - 1) * stats.sem(x) < 0)
 
 

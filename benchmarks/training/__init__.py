@@ -1,3 +1,1 @@
-"""How few questions and trainings a policy from any trainer costs, whether bounds are kept, and
-what wrappers cost.
-"""
+"""Number of questions and trainings that a policy from any trainer costs, bounds, and wrappers."""

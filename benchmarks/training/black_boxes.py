@@ -51,11 +51,11 @@ def run(
 
 
 def loss_of(mdp: OrdinalMDP, result: TrainingResult, values: Floats) -> float:
-    """What its policy loses from where episodes start, as a share of the value range."""
+    """Return the loss of a result's policy at the initial states, a share of the value range."""
     best = float(mdp.initial @ value_iteration(mdp, values)[0])
     return best - float(shares_of(mdp, result.policy) @ normalise(values))
 
 
 def training_of(comparator: Comparator, mdp: OrdinalMDP, **settings: object) -> InteractiveTraining:
-    """With the MDP's discount."""
+    """Return a training with the MDP's discount."""
     return InteractiveTraining(comparator, discount=mdp.discount, **settings)  # type: ignore[arg-type]

@@ -49,7 +49,7 @@ class Terrain(gym.Env[Floats, np.int64]):
         return np.asarray(self.outcomes[far.argmin(axis=1)])
 
     def moved(self, places: Floats, actions: NDArray[Any], rng: np.random.Generator) -> Floats:
-        """Where steps from places (n, 2) lead."""
+        """Return the places (n, 2) that steps from ``places`` lead to."""
         return np.asarray(
             np.clip(places + _WAYS[actions] + _NOISE * rng.standard_normal(places.shape), 0.0, 1.0)
         )
@@ -75,8 +75,10 @@ class Terrain(gym.Env[Floats, np.int64]):
         )
 
     def shares(self, policy: TiledPolicy, walks: int = 2000, seed: int = 0) -> Floats:
-        """(5,) as ``qlearn.rollout_shares`` measures them, of many walks at once, the same for
-        every policy; what comes after the cut is left out."""
+        """Return shares (5,) as ``qlearn.rollout_shares`` measures them, over many walks at once.
+
+        Every policy meets the same random numbers. Steps after the cut are left out.
+        """
         rng = np.random.default_rng(seed)
         places, shares, left = rng.random((walks, 2)), np.zeros(5), 1.0
         for _ in range(STEPS):

@@ -1,5 +1,4 @@
-"""How many questions and trainings a policy from any trainer costs, and whether what is said of it
-holds.
+"""Number of questions and trainings that a policy from any trainer costs, and whether bounds hold.
 
     python -m benchmarks.training.training_questions --out benchmarks/RESULTS-training.md
         # a quarter of an hour
@@ -56,8 +55,11 @@ Problem = Callable[[int], tuple[OrdinalMDP, Floats]]
 
 
 class Run(NamedTuple):
-    """Of one problem; ``equal``: what training on equal gaps loses; ``short``: how far below its
-    optimum a training ended at most, where that is known."""
+    """The result of one problem.
+
+    ``equal`` is the loss of training on equal gaps. ``short`` is the most by which a training ended
+    below its optimum, if that is known.
+    """
 
     asked: int
     trained: int
@@ -168,7 +170,7 @@ def line(name: str, runs: Sequence[Run]) -> list[str]:
 
 
 def kinds(problems: int) -> dict[str, Callable[[], list[Run]]]:
-    """What is measured in each row of the first table, by its name."""
+    """Return the measurements of each row of the first table, by the row's name."""
     icu = icu_sepsis()
 
     def clinic(seed: int) -> tuple[OrdinalMDP, Floats]:

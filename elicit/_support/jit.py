@@ -132,7 +132,7 @@ class Compiled:
     """
 
     literal = False  # whether numbers that stand in a call have versions of their own
-    # numba reads these two: whether, and which code, to write out where the function is called
+    # numba reads these two: whether to write the function out where it is called, and its code
     targetoptions: Mapping[str, str] = MappingProxyType({})
     py_func: Callable[..., Any]
     patient = not os.environ.get("ELICIT_COMPILE_FIRST")
@@ -375,9 +375,9 @@ def first_on_this_machine() -> bool:
 
 
 class _Announcer(event.Listener):
-    """Says on the standard error what a first call waits for, and when that is over.
+    """Writes to the standard error that a first call is being compiled, and when it is done.
 
-    It does so once on a machine, not in every process that compiles beside it or later.
+    Only the first process on a machine writes it, not those that compile beside it or later.
     """
 
     _QUIET = 3.0  # seconds without anything to compile, after which it is over

@@ -56,8 +56,8 @@ class _OneThread(ContextDecorator):
         if self._depth.blocks == 0:
             with self._lock:
                 own, shared = self._libraries
-                # the block counts as entered last: after an interruption (Ctrl+C) before that, the
-                # next one sets limits again, and knows what to set back
+                # counted as entered only at the end: if an interruption (Ctrl+C) comes before, the
+                # next block sets the limits again, and still knows the earlier ones
                 self._depth.own = _limited(own) | self._depth.own
                 self._before = _limited(shared) | self._before
                 self._inside, self._depth.blocks = self._inside + 1, 1

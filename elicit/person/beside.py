@@ -268,7 +268,7 @@ class Beside(Closing):
         self._background.start(self._weighed.steps())
 
     def consequences(self, id: str) -> dict[str, Any]:
-        """Return what the choices of a conflict would leave, as far as it is known."""
+        """Return the result that each choice in a conflict would lead to, as far as it is known."""
         now = self._weighed
         if now is None or now.id != id:
             return {"id": id, "choices": {}, "ready": True}

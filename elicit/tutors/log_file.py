@@ -153,8 +153,8 @@ def _digest(data: bytes) -> str:
 def _is_torn(line: bytes, first: bool) -> bool:
     """Return whether a crash may have left an unfinished last line.
 
-    No proper beginning of a JSON object holds a whole one: where there is one, what follows it was
-    a line feed once.
+    A torn line is the beginning of a JSON object. It cannot contain a whole object. If it does, the
+    line was whole once, and its line feed was changed.
     """
     text = line.decode("utf-8", "replace")
     with suppress(ValueError):

@@ -189,10 +189,10 @@ class BradleyTerryTutor(_Simulated):
 
     values (k,) increasing, in any unit; ``precision`` >= 0 is the paper's c in logits per unit of
     d.e, with the scale normalised to 0..1; seed an int, SeedSequence, Generator, or None for a new
-    one. An exact tie is a coin toss, as eq. (6) has it; two identical vectors are EQUAL. Near ties
-    are answered badly and clear cases well, so a precision says little about errors until the
-    typical |d.e| is known: see ``from_error_rate``. Raises ValueError on values that do not
-    increase and on a negative precision.
+    one. An exact tie is a coin toss, as eq. (6) has it; two identical vectors are EQUAL. Answers to
+    near ties are often wrong, and those to clear cases rarely. So the error rate depends on the
+    typical |d.e| too: ``from_error_rate`` finds the precision for a rate. Raises ValueError on
+    values that do not increase and on a negative precision.
     """
 
     _kind = kernel.LOGISTIC

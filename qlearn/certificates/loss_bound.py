@@ -109,7 +109,8 @@ def guarantee(
     If ``enough`` is given, the bound may be inf whenever it exceeds that.
     """
     if unordered_of(comparator) is not None:
-        # in the other order one tail sum is made of three of these: t_i - t_(i+1) + t_(i+2)
+        # the doubt is of one tail sum; in the other order a tail sum is made of three of them,
+        # t_i - t_(i+1) + t_(i+2)
         advantages = advantages._replace(doubt=3.0 * advantages.doubt)
     drawn = drawn_set(comparator)
     if drawn is not None:

@@ -116,8 +116,8 @@ def frame_of(
         )
         if frame.empty:
             return None, code
-    # a problem's package is missing; a setting that cannot be; a journal that is in use, or not to
-    # be written
+    # ImportError: a problem's package is missing. ValueError: a setting is out of range. OSError:
+    # the journal is in use, or cannot be written
     except (ImportError, ValueError, OSError) as error:
         return None, fail(error)
     except BrokenExecutor:

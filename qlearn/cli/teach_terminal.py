@@ -194,7 +194,7 @@ class Terminal:
             time.sleep(_LOOK)
 
     def _put(self) -> str:
-        """Show the question; what the person wants."""
+        """Show the question, and return what the person wants."""
         assert self._interview.shown is not None
         print(self._interview.shown.text(self._width))
         self._say(f"\n{_KEYS}")

@@ -449,8 +449,8 @@ def _size(cell: Cell, size: Mapping[str, Any]) -> Size:
 def _cost(cell: Cell) -> float:
     """Return the cost by which runs are ordered.
 
-    The oracles come first, which the others are paired with, should the sweep be interrupted; then
-    what takes long.
+    Oracles come first: all other runs are paired with them, so that an interrupted sweep has its
+    pairs. Then come the runs that take the longest.
     """
     if is_oracle(cell):
         return math.inf
@@ -461,10 +461,10 @@ def _cost(cell: Cell) -> float:
 
 
 def _beside_oracles(results: Iterable[Any], best_policy: Container[str]) -> pd.DataFrame:
-    """The table of the runs that have finished.
+    """Return the table of the runs that have finished.
 
-    Learners in ``best_policy`` are held to it: how they do with a comparator that never learns is
-    not known.
+    The losses of learners in ``best_policy`` are taken against the best policy. There is no oracle
+    for them, because they do not run with a comparator that never learns.
     """
     runs = [Run(row, np.array(v), best, seconds) for row, v, best, seconds in filter(None, results)]
     oracles = {_problem(run.row): run for run in runs if is_oracle(run.row)}

@@ -49,7 +49,7 @@ class OneOf:
         return f"one of {', '.join(map(str, self.names))}"
 
     def value_of(self, given: Any) -> Any:
-        """Return the given name; None if it is none of these."""
+        """Return the given name, or None if it is not among these."""
         return given if isinstance(given, type(self.names[0])) and given in self.names else None
 
 

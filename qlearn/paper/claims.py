@@ -147,16 +147,17 @@ def sizes_of(frame: pd.DataFrame, figure: int, names: Mapping[str, str] | None =
 
 
 def listed(arms: Mapping[str, Sequence[str]]) -> str:
-    """Comparators with their tutors, in words."""
+    """Return the comparators with their tutors, in words."""
     return ", ".join(f"{name} ({', '.join(tutors)})" for name, tutors in arms.items())
 
 
 def error_rates(frame: pd.DataFrame) -> pd.DataFrame:
-    """Return how often tutors erred, in percent, one row a comparator and erring tutor.
+    """Return error rates of tutors in percent, one row for each comparator and erring tutor.
 
-    ``reference`` is the expected share of the comparisons of an optimal policy that dominance
-    leaves open, and ``realised`` that of the answers given. They are means over runs and sizes,
-    each with ``low`` and ``high``, the least and the greatest mean at one size.
+    Column ``reference`` is the expected share of wrong answers to the comparisons of an optimal
+    policy that dominance leaves open. Column ``realised`` is the share of wrong answers that were
+    given. Both are means over runs and sizes. ``_low`` and ``_high`` are the least and the greatest
+    mean at one size.
     """
     rows = frame[frame.error_rate > 0]
     parts = [("reference", "error_rate"), ("realised", "realised_error_rate")]

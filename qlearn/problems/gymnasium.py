@@ -54,13 +54,16 @@ def deep_sea_treasure(discount: float = 0.95) -> OrdinalMDP:
     A submarine has 4 actions; farther treasures are better.
 
     States are the cells that can be reached, in the order of the map's rows; the start is the
-    first. Where each action leads is found by stepping the environment from every cell. The ten
-    treasures are terminal. Levels, worst first: at sea < the treasures by their value. The package
-    gives two rewards, -1 a step and the treasure's value: both are in the order of the levels,
-    since a step more is one more share at sea and one less at the treasure, which counts for ever
-    once it is reached. How many steps a better treasure is worth is what two numeric rewards leave
-    to weights, and levels leave to the tutor. Raises ImportError without the package, RuntimeError
-    if it moves otherwise than described, ValueError for a bad ``discount``.
+    first. The successor of each action is found by stepping the environment from every cell. The
+    ten treasures are terminal. Levels, worst first: at sea < the treasures by their value.
+
+    The package gives two rewards, -1 a step and the treasure's value. The levels keep the order of
+    both. A reached treasure counts for ever, so that a step more is a greater share at sea and a
+    smaller one at the treasure. Two numeric rewards need weights that say how many steps a better
+    treasure is worth. With levels the tutor says it.
+
+    Raises ImportError without the package, RuntimeError if it does not move as described, and
+    ValueError for a bad ``discount``.
 
     Source: Vamplew, Dazeley, Berry, Issabekov and Dekker, "Empirical evaluation methods for
     multiobjective reinforcement learning algorithms", Machine Learning 84 (2011); the map of Yang,
@@ -117,7 +120,7 @@ def _cell(observed: Any) -> tuple[int, int]:
 
 
 def _make(package: str, name: str, **settings: Any) -> Any:
-    """The environment without its wrappers."""
+    """Return the environment without its wrappers."""
     os.environ.setdefault(
         "PYGAME_HIDE_SUPPORT_PROMPT", "1"
     )  # or its import prints an advertisement

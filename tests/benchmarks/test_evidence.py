@@ -96,7 +96,7 @@ def test_a_page_is_of_the_code_of_today(page):
 
 
 def cells(line: str, *timed: int) -> Cells:
-    """Of a line of Markdown, but for those in these places."""
+    """Return the cells of a line of Markdown, except those in the places ``timed``."""
     (row,) = table_rows(line)
     return [None if i - len(row) in timed or i in timed else cell for i, cell in enumerate(row)]
 
@@ -107,7 +107,7 @@ def under(text: str, heading: str) -> str:
 
 
 def number(text: str, *start: str, place: int) -> int:
-    """What a row that starts so says in a place."""
+    """Return the number in a place of the row that begins with ``start``."""
     return next(int(row[place]) for row in table_rows(text) if row[: len(start)] == [*start])
 
 
@@ -292,7 +292,7 @@ def explored(text: str) -> Iterator[str | Cells]:
 
 
 def paired(choice: Choice, size: tuple[int, int, int], seeds: int) -> dict[str, Floats]:
-    """What the runs of the paper read otherwise are measured by."""
+    """Return every measure of a choice over its seeds (n,)."""
     return measure_all([choice], [range(seeds)], size, None, 1)[0]
 
 
@@ -494,12 +494,12 @@ def test_rows_made_again_have_the_digits_of_their_page(name, again):
 
 
 def any_like(found: Cells, rows: list[list[str]]) -> bool:
-    """Whether a row is there, but for what is not compared."""
+    """Return whether a row is there, apart from cells that are not compared."""
     return any(len(row) == len(found) and all(map(alike, found, row)) for row in rows)
 
 
 def alike(made: str | None, there: str) -> bool:
-    """Whether a cell is the same; the long floats of tables may differ where rounding does."""
+    """Return whether a cell is the same; long floats of tables may differ in their last digits."""
     if made is None or made == there:
         return True
     try:

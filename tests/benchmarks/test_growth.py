@@ -1,6 +1,6 @@
-"""How things grow: slopes are those of what was measured, what is too dear is left out, page and
-picture show it.
-"""
+"""Growth: slopes are those of the measurements, sizes that take too long are left out.
+
+Page and picture show both."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""Degrees and sliders: what they tell is true of the person's values."""
+"""Answers in degrees and by sliders are true of the person's values."""
 
 import numpy as np
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""What would predict people better, and how often bounds hold with them: parts of both programs."""
+"""Parts of two programs: better predictions of people, and how often bounds hold with them."""
 
 import numpy as np
 import pytest

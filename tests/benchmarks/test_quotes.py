@@ -1,4 +1,4 @@
-"""What prose quotes of a page of results is what stands there."""
+"""Numbers that prose quotes from a page of results are those of the page."""
 
 import re
 from pathlib import Path

@@ -41,8 +41,9 @@ def blocks_of(page: Path, kind: str) -> str:
 
 @pytest.fixture(scope="module")
 def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """What the code of each page prints; one interpreter for all, since most of the time goes into
-    starting it.
+    """Return the output of each page's code.
+
+    One interpreter runs all pages, since most of the time goes into starting it.
     """
     pages = [page for page in PAGES if thorough() or page.stem not in COSTLY]
     codes = json.dumps([blocks_of(page, "python") for page in pages])

@@ -83,9 +83,7 @@ def test_one_log_serves_three_comparators(tmp_path):
 
 
 class Browser:
-    """What a browser does with the page: opens the address, keeps the cookie, and sends
-    messages.
-    """
+    """A browser's part: opens the address, keeps the cookie, and sends messages."""
 
     def __init__(self, address: str) -> None:
         self.place = urlsplit(address)

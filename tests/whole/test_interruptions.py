@@ -107,7 +107,7 @@ def run(asker: Any) -> list[str]:
 
 
 def outcome(asker: Any) -> str:
-    """What comes out, and all that was counted, to the last bit."""
+    """Return the result of an asker and all its counts, to the last bit."""
     found = asker.result()
     best = found.best if hasattr(found, "best") else found.policy
     parts = (

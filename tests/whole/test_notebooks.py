@@ -1,5 +1,6 @@
-"""The notebooks run, say nothing on the error stream, and are committed as their code leaves them
-at full size.
+"""The notebooks run without a word on the error stream.
+
+Committed outputs are those of their code at full size.
 """
 
 import ast
@@ -56,7 +57,7 @@ def said(notebook):
 
 
 def machine_paths(text):
-    """What looks like a place on the machine that ran the notebook."""
+    """Return the texts that look like a path on the machine that ran the notebook."""
     places = {
         str(Path.home()),
         str(execute.HERE.parent),
@@ -226,7 +227,7 @@ def test_what_it_cannot_do_it_says(tmp_path, monkeypatch, capsys):
 
 
 def test_warnings_and_errors_are_complaints_and_that_something_was_compiled_is_none(tmp_path):
-    """What the test of every notebook relies on."""
+    """The test of every notebook relies on it."""
     once = "elicit: compiling, once on this machine: up to a minute ..."
     over = "elicit: compiled, in 12 s"
     words = (
@@ -253,9 +254,7 @@ def test_other_code_has_another_hash_but_other_prose_has_not():
 
 
 def full_names(source):
-    """What code uses of elicit and qlearn, by its full name: what it imports, and the attributes of
-    that.
-    """
+    """Return the full names of elicit and qlearn that code uses: imports, and their attributes."""
     tree, known = ast.parse(source), {}
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -270,7 +269,7 @@ def full_names(source):
 
 
 def full_name(node, known):
-    """Of a.b.c, where a was imported; else nothing."""
+    """Return the full name of a.b.c if a was imported, else nothing."""
     if isinstance(node, ast.Attribute):
         before = full_name(node.value, known)
         return before and f"{before}.{node.attr}"
@@ -323,7 +322,7 @@ NUMBER = r"(\d+(?:,\d{3})*(?:\.\d+)?)(%?)"
 
 
 def is_there(number, text):
-    """Whether some number of the text is this one, once it is rounded as this one is."""
+    """Return whether some number of the text, rounded like this one, is equal to it."""
     digits, value = len(number.partition(".")[2]), float(number.replace(",", ""))
     every = (float(found.replace(",", "")) for found, _ in re.findall(NUMBER, text))
     return any(round(one, digits) == value for one in every)

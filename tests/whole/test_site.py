@@ -25,7 +25,7 @@ CODE = re.compile(r"```.*?```|`[^`\n]*`", re.DOTALL)
 
 
 def documented(package: str) -> list[str]:
-    """What a page of the reference has a directive for, without the package's name."""
+    """Return the names that a page of the reference has a directive for, without the package's."""
     return re.findall(
         rf"^\.\. (?:auto|py:)\w+:: {package}\.([\w.]+)", REFERENCE[package], re.MULTILINE
     )
@@ -59,7 +59,7 @@ def test_the_examples_of_the_reference_print_what_they_say(package):
 
 
 def anchors(page: Path) -> set[str]:
-    """Where links into a page can lead: its headings, as they are written in addresses."""
+    """Return the anchors of a page: its headings, as they are written in addresses."""
     headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 

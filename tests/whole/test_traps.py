@@ -52,7 +52,10 @@ def q_learning(mdp: OrdinalMDP, comparator: Comparator, **settings: Any) -> Inte
 def value_iteration(
     mdp: OrdinalMDP, comparator: Comparator, **settings: Any
 ) -> InteractiveValueIteration:
-    """With the paper's sweeps, which ask more, so that each trap is met on a small problem."""
+    """Return value iteration with the paper's sweeps.
+
+    They ask more, so that each trap is met on a small problem.
+    """
     paper = {"tolerance": 0.01, "rng": 1, "partial_sweeps": False}
     return InteractiveValueIteration(mdp, comparator, **paper | settings)
 
@@ -70,7 +73,7 @@ def open_differences(k: int, n: int, seed: int) -> Floats:
 
 
 def wrong_answers(result: Result, values: Floats) -> int:
-    """How many of the answers told the hidden scale contradicts."""
+    """Count the answers that contradict the hidden scale."""
     return int((TruthfulTutor(values).signs(result.answers.d) * result.answers.y < 0).sum())
 
 

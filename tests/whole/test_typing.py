@@ -1,4 +1,4 @@
-"""What a type checker says of a user's program: what may be given is more than what is stored."""
+"""Findings of a type checker in a user's program: constructors accept more than they store."""
 
 import subprocess
 import sys

@@ -37,13 +37,13 @@ TRAJECTORIES = 40
 BETAS = {"truthful": 100.0, "flips": 10.0, "eq. (6)": 20.0, "person": 20.0}
 """The user's rationality, by tutor: chosen on the development seeds."""
 LAMBDA = 0.01
-"""Of disagreement: how much the distance of two weights counts beside their chances."""
+"""Weight of the distance of two weights beside their probabilities, in disagreement."""
 
 Rule = Callable[["Belief"], tuple[int, int]]
 
 
 class Belief:
-    """A view for the rules: features (n, p) of trajectories, samples of weights, a generator."""
+    """The belief that a rule for questions sees: features (n, p) of trajectories, drawn weights."""
 
     def __init__(self, features: Floats, beta: float, rng: np.random.Generator) -> None:
         self.features, self.beta, self.rng = features, beta, rng

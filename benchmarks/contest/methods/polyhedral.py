@@ -102,7 +102,7 @@ class Polyhedral:
     def _find_centre(self) -> None:
         """Find the analytic centre by Newton's method, after relaxing what contradicts."""
         p, n = len(self._centre), len(self._rows)
-        # the scale with most to spare, which is less than nothing if answers contradict each other
+        # the scale with the largest slack, which is negative if answers contradict each other
         most = linprog(
             np.append(np.zeros(p), -1.0),
             A_ub=np.block([[-self._rows, np.ones((n, 1))], [-np.eye(p), np.ones((p, 1))]]),

@@ -186,7 +186,7 @@ def application(interview: Takes, door: Door, start: str = "page.html") -> ASGIA
 
 
 class _Guarded:
-    """Lets no request through that is not the person's, and puts the headers on every response."""
+    """Refuses requests that are not the person's, and puts the headers on every response."""
 
     def __init__(self, app: ASGIApp, door: Door) -> None:
         self._app, self._door = app, door

@@ -1,5 +1,6 @@
-"""Linear algebra has one thread inside a block, and as many as before after it, whoever else is in
-one.
+"""Linear algebra has one thread inside a block, and as many as before afterwards.
+
+That is so if other threads are in such a block too.
 """
 
 from tests.interpreter import run

@@ -1,6 +1,4 @@
-"""What every comparator that learns promises, by the conformance tests that ship with elicit, and
-its tiers.
-"""
+"""Promises of every comparator that learns, by the conformance tests of elicit, and its tiers."""
 
 from collections.abc import Callable
 from functools import partial

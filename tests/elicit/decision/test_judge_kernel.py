@@ -1,4 +1,4 @@
-"""What compiled loops are told is what the comparator says."""
+"""Compiled loops get the verdicts that the comparator gives."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""Where people differ: scales, dividing questions and groups, against people who are known."""
+"""Disagreement of people whose scales are known: scales, dividing questions, and groups."""
 
 import matplotlib
 import numpy as np

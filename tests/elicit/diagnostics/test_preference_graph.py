@@ -1,6 +1,4 @@
-"""What follows by transitivity follows, with a proof; and a circle of answers is found, however it
-closes.
-"""
+"""Transitivity decides with a proof, and a circle of answers is found however it closes."""
 
 import itertools
 
@@ -196,7 +194,7 @@ def graph_of(told, dominance):
 
 
 def holds(step, graph, answers, name):
-    """Whether a step says what its answers, or the order, say."""
+    """Return whether a step says the same as its answers, or as the order."""
     better, worse = name[step.better], name[step.worse]
     if step.kind == "dominance":
         u, v = tails([0, *better]), tails([0, *worse])
@@ -382,8 +380,10 @@ def test_one_wrong_answer_among_many_is_on_every_cycle():
 
 
 def test_ten_thousand_circles_take_no_time():
-    """Two vectors a layer, each better than both of the next, and the last layer better than the
-    first: 2^12 circles and more, of which each step needs one."""
+    """There are 2^12 cycles and more: two vectors a layer, each better than both of the next layer.
+
+    The last layer is better than the first. Each step needs only one of the cycles.
+    """
     layers = [
         [[0.5 - s - t, 2 * (s + t), 0.5 - s - t] for t in (0.0, 0.005)]
         for s in np.linspace(0, 0.4, 12)

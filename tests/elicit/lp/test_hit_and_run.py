@@ -18,7 +18,7 @@ def lottery(level: int, values: Floats = VALUES) -> Floats:
 
 
 def pinned(*levels: int) -> PolytopeComparator:
-    """What is known if the prior calls each of these lotteries equal: the value of the level."""
+    """Return the comparator whose prior calls each of these levels equal to its lottery."""
     return PolytopeComparator(5, prior=equalities([lottery(level) for level in levels]))
 
 

@@ -139,9 +139,7 @@ def test_a_point_pulled_inside_is_inside(seed: int) -> None:
 
 
 def test_a_point_on_the_border_is_not_surely_inside() -> None:
-    """Where a segment from the inner point leaves the region, to the last bits: floats cannot tell
-    the side.
-    """
+    """Floats cannot tell on which side the segment from the inner point leaves the region."""
     rng, seen = np.random.default_rng(4), {True: 0, False: 0}
     for kind, r, known in known_sets(80, 42):
         slack = np.empty(r.p + len(r.rows))

@@ -77,7 +77,7 @@ def nothing_known(p: int) -> Known:
 
 
 def knowing(rows: Floats) -> Known:
-    """With these known rows, and nothing else."""
+    """Return these known rows, and nothing else that is known."""
     known = nothing_known(rows.shape[1])._replace(
         rows=np.empty(rows.shape), lifted=np.empty(rows.shape)
     )
@@ -87,7 +87,7 @@ def knowing(rows: Floats) -> Known:
 
 
 def is_lifted(t: Floats, side: int, w: Floats) -> bool:
-    """Whether side * t >= lambda w for some lambda >= 0, in rationals."""
+    """Return whether side * t >= lambda w for some lambda >= 0, in rationals."""
     low, high = Fraction(0), None
     for a, b in zip(exact(side * t), exact(w), strict=True):
         if b == 0 and a < 0:

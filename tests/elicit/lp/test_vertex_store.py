@@ -1,6 +1,6 @@
-"""What is known of K_t stays true however long it is used: points, vertices, rows, the inner point,
-the pruning.
-"""
+"""Facts about K_t stay true however long they are used: points, vertices, rows, the inner point.
+
+Pruning keeps them true as well."""
 
 import time
 

@@ -136,7 +136,7 @@ def test_a_bold_comparator_conforms():
 
 
 def left_open(self, d):
-    """Where dominance is silent (n,)."""
+    """Return the flags (n,) of the differences that dominance leaves open."""
     return dominance(tail_sums(elicit.as_differences(d, self.k))) == Verdict.UNKNOWN
 
 

@@ -143,7 +143,7 @@ def test_scaling_loses_no_bit(numbers: list[float]) -> None:
 
 
 def loses_bits(d: list[float]) -> bool:
-    """Whether some number has no place among floats once the largest tail sum is below 1."""
+    """Return whether some number is lost to floats once the largest tail sum is below 1."""
     t = tail_sums(np.array(d)).tolist()
     power = Fraction(2) ** math.frexp(max(map(abs, t)))[1]
     return any(Fraction(float(x / power)) != x / power for x in exact([*t, *d[1:]]))

@@ -1,4 +1,4 @@
-"""What a consumer needs of a comparator is declared in one line, and checked in one place."""
+"""A consumer declares its needs of a comparator in one line, and one function checks them."""
 
 import pytest
 

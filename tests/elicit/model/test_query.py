@@ -1,4 +1,4 @@
-"""What passes between learner, tutor and comparator keeps its meaning, and cannot be changed."""
+"""Queries, answers and verdicts keep their meaning, and cannot be changed."""
 
 import io
 import json

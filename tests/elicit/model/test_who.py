@@ -1,4 +1,4 @@
-"""Who answered: a part of an answer, wherever answers go."""
+"""The name of the person is a part of an answer, wherever answers go."""
 
 import io
 import pickle

@@ -1,4 +1,4 @@
-"""What is no message changes nothing."""
+"""Messages that the page does not send change nothing."""
 
 from dataclasses import replace
 from typing import Any

@@ -1,4 +1,4 @@
-"""What was computed while the person read is what would have been computed then."""
+"""Results computed while the person reads are those that would be computed afterwards."""
 
 import threading
 import time
@@ -84,8 +84,10 @@ def told(log: AnswerLog) -> list[Any]:
 
 
 def answered(make: Any, rate: float, back: bool, ahead: int) -> tuple[list[Any], Any]:
-    """What is in the log after a session, and its result; some answers taken back, if ``back``. So
-    many of the answers that can be given are looked ahead to."""
+    """Return the log of a session, and its result.
+
+    Some answers are taken back if ``back``. ``ahead`` of the possible answers are computed ahead.
+    """
     says, log = tutor(rate), AnswerLog()
     with Session(make, log) as session:
         for number in range(40):
@@ -151,7 +153,7 @@ def reads_a_while(number: int) -> None:
 
 
 def interviewed(make: Any, reads: Callable[[int], None]) -> list[Any]:
-    """What is in the log after an interview, in which some answers are taken back."""
+    """Return the log of an interview in which some answers are taken back."""
     says, log = tutor(0.2), AnswerLog()
     with Session(make, log) as session, Interview(session, SUBJECT) as interview:
         interview.handle({"do": "state"})
@@ -176,7 +178,7 @@ def interviewed(make: Any, reads: Callable[[int], None]) -> list[Any]:
 
 
 def choice_of(log: AnswerLog, query: Query, verdict: Verdict | None) -> str:
-    """What is chosen on the screen, whose sides the log knows."""
+    """Return the choice on the screen for a verdict; the log knows the sides."""
     swapped = next(asked.swapped for asked in reversed(log.asked) if asked.query.id == query.id)
     if verdict is None or verdict is Verdict.EQUAL:
         return "cannot tell" if verdict is None else "equal"

@@ -1,4 +1,4 @@
-"""What is said beside a question holds: why it is asked, and how many come after it."""
+"""Statements beside a question hold: why it is asked, and how many come after it."""
 
 import copy
 import gc
@@ -123,7 +123,7 @@ def test_sessions_that_were_answered_alike_go_on() -> None:
     played: list[Any] = []
 
     class Watched:
-        """An asker that says how often a copy of it is told."""
+        """An asker that counts how often copies of it are told an answer."""
 
         def __init__(self) -> None:
             self.ask, self.result, self.comparator = asker.ask, asker.result, asker.comparator
@@ -228,7 +228,7 @@ class OfLength:
         self._said += [answer.verdict for answer in answers]
 
     def result(self) -> Any:
-        """What can be lost."""
+        """Return the possible loss."""
         most = 0.9 if self._said[:1] == [Verdict.BETTER] else 0.6
         return SimpleNamespace(loss_bound=max(0.0, most - 0.02 * len(self._said)))
 
@@ -279,7 +279,7 @@ def test_the_welcome_forecasts_nothing_where_an_interview_asks_on_after_its_aske
 def prospects_of(
     asker: Any, least: int = 0, enough: Callable[[Any], bool] | None = None
 ) -> dict[str, Any]:
-    """What the welcome forecasts in the end."""
+    """Return the final forecast of the welcome."""
     subject = Subject(LEVELS, Words("people"), least=least, enough=enough)
     with (
         Session(lambda _: asker, AnswerLog()) as session,

@@ -1,4 +1,4 @@
-"""What a person is shown is what is asked."""
+"""The screen shows the pair that is asked about."""
 
 import re
 from typing import Any

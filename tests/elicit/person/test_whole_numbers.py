@@ -1,4 +1,4 @@
-"""What is asked in whole numbers in place of odd shares is what is logged and learned."""
+"""Whole numbers that are asked in place of odd shares are those that are logged and learned."""
 
 from typing import Any
 

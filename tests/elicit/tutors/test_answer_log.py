@@ -31,7 +31,7 @@ def answer(name="q", verdict=Verdict.BETTER, left=LEFT, right=RIGHT, **more):
 
 
 def parts(log):
-    """All that a log's entries hold, to the last bit, to be compared."""
+    """Return the whole contents of a log's entries, to the last bit, for comparisons."""
     blank, queries = Query("", LEFT, RIGHT), [entry.answer.query for entry in log]
     rest = [replace(entry, answer=replace(entry.answer, query=blank)) for entry in log]
     return [repr(entry) for entry in rest], [
@@ -429,7 +429,7 @@ def short(path):
 
 @pytest.mark.parametrize("write", [short, everything])
 def test_every_flipped_bit_is_noticed(path, write):
-    """Of what was acknowledged. A quick run flips one bit of each byte."""
+    """This holds for acknowledged entries. A quick run flips one bit of each byte."""
     write(path)
     whole, unseen = path.read_bytes(), []
     with open(path, "r+b", buffering=0) as file:
@@ -737,7 +737,7 @@ def test_a_log_is_read_like_a_list(path):
 
 
 def test_interrupted_when_the_line_was_on_the_disk_the_log_goes_on(tmp_path, monkeypatch):
-    """As by Ctrl+C in a notebook, whose session stays."""
+    """An interruption by Ctrl+C in a notebook leaves the session as it is."""
     path, answers = (
         tmp_path / "log.jsonl",
         [Answer(Query(f"q{i}", [0, 1], [1, 0]), 1) for i in range(3)],

@@ -80,7 +80,7 @@ def test_answers_come_as_often_as_their_probabilities_say(seed):
 
 
 def sided(tutor, query, flipped):
-    """How far the side bias moves the probability of the answer for the first bag."""
+    """Return how far the side bias moves the probability of the answer for the first bag."""
     return (tutor.probabilities(query)[0] - tutor.probabilities(flipped)[1]) / 2
 
 

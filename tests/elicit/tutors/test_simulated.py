@@ -208,9 +208,7 @@ def test_exact_ties():
 
 
 def test_a_tie_in_floats_that_is_none_can_be_answered_wrongly():
-    """Where float sums say 0 but the exact product does not, there is a wrong answer, and it is
-    counted.
-    """
+    """If float sums are 0 and the exact product is not, an answer can be wrong, and is counted."""
     values = [0.0, 0.1, 0.3, 0.6, 1.0]
     g = gaps(values)
     d = differences(np.random.default_rng(0), 5, 4000)

@@ -1,4 +1,4 @@
-"""What a tutor's errors leave within reach: against simulated answers, and said in time."""
+"""Reach of a certificate with a tutor who errs: against simulated answers, and stated in time."""
 
 import math
 

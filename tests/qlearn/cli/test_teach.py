@@ -1,4 +1,4 @@
-"""A person at the terminal: what she answers is kept, and what comes out is what she said."""
+"""A person at the terminal: their answers are kept, and the result follows from them."""
 
 import io
 import json
@@ -47,7 +47,7 @@ def number(seed: int) -> int:
 
 
 class Typed(io.StringIO):
-    """What somebody types; no terminal, unless a test says so."""
+    """The input of a person who types; no terminal, unless a test says so."""
 
 
 def taught(
@@ -95,7 +95,7 @@ def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 
 class Careless(io.StringIO):
-    """What somebody types who says A to everything, and leaves what contradicts for later."""
+    """The input of a person who answers A to everything, and leaves contradictions for later."""
 
     def __init__(self, shown: Callable[[], str]) -> None:
         super().__init__()
@@ -113,7 +113,7 @@ class Careless(io.StringIO):
 
 
 def report(shown: str) -> str:
-    """What was learned, but for how fast the answers came in."""
+    """Return the learned values as shown, without remarks on the speed of the answers."""
     said = shown[shown.index("There are no more questions") : shown.index("All answers are in")]
     return re.sub(r"\d+ of \d+ answers came in under a second,[^.]*\.\n", "", said)
 
@@ -299,7 +299,7 @@ def test_a_choice_from_a_csv(lets_answer: Callable[..., str], tmp_path: Path) ->
 def test_a_bound_on_a_choice_holds_per_outcome_whatever_the_total(
     tmp_path: Path, total: float
 ) -> None:
-    """Of a person who calls equal what is less than .01 of the value range apart."""
+    """The person calls equal whatever is less than .01 of the value range apart."""
     shares = (
         np.array(
             [[10, 21, 32, 3, 34], [13, 26, 21, 5, 35], [10, 27, 24, 7, 32], [6, 25, 33, 7, 29]]

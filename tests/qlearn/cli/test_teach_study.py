@@ -145,7 +145,7 @@ def test_a_study_goes_on_and_old_links_say_what_to_do(tmp_path: Path) -> None:
 
 
 def refused_as_running(folder: Path) -> str:
-    """What the command says where the logs are in use."""
+    """Return the message of the command if the logs are in use."""
     with Teach(folder, "--web", "--people", "ben", "--problem", "random") as other:
         code, errors = other.leave()
     assert code == 1

@@ -33,7 +33,7 @@ def told(log: Path) -> list[tuple[Any, ...]]:
 
 
 def policy_of(log: Path) -> list[int]:
-    """What was learned."""
+    """Return the policy that was learned."""
     taught = taught_by("random", "polytope", 20, None, 0, 0.001)
     with Session(taught.make, log) as session:
         assert session.question() is None
@@ -43,8 +43,7 @@ def policy_of(log: Path) -> list[int]:
 
 @dataclass(frozen=True)
 class Undisturbed:
-    """A session that nothing happens to: its answers, its policy, its end, and how long it took to
-    start and to answer."""
+    """The record of an undisturbed session: answers, policy, end, times to start and to answer."""
 
     told: list[tuple[Any, ...]]
     policy: list[int]
@@ -101,7 +100,7 @@ def killed(folder: Path, expected: Undisturbed, kills: int, seed: int) -> int:
 
 
 def refused(capsys: pytest.CaptureFixture[str], *options: str) -> str:
-    """What the command says when it does not start."""
+    """Return the message of the command if it does not start."""
     assert main(["teach", "--web", "--problem", "random", *options]) == 1
     shown = capsys.readouterr()
     assert shown.out == ""

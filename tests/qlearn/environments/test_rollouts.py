@@ -57,7 +57,7 @@ def test_whatever_predicts_is_a_policy():
             return 2
 
     class Model:
-        """As Stable-Baselines3's are, with a memory."""
+        """A model with a memory, as Stable-Baselines3's are."""
 
         starts = 0
 

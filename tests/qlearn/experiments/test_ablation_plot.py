@@ -25,7 +25,7 @@ def summary() -> pd.DataFrame:
 
 
 def markers(axes: Axes) -> dict[str, list[tuple[float, float]]]:
-    """Where markers are, by their colour; hollow ones as of the colour "hollow"."""
+    """Return the places of markers, by their colour; hollow ones have the colour "hollow"."""
     found: dict[str, list[tuple[float, float]]] = {}
     for line in axes.lines:
         if line.get_marker() in {style["marker"] for style in STYLES.values()}:

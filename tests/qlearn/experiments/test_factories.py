@@ -1,4 +1,4 @@
-"""What a user brings, by a name and a factory: found, checked, and said what is wrong with it."""
+"""Parts that a user brings, by a name and a factory: found, checked, and their faults named."""
 
 import re
 from pathlib import Path

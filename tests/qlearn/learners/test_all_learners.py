@@ -1,4 +1,4 @@
-"""What holds of all learners, or of Q-learning and value iteration alike."""
+"""Properties of all learners, or of Q-learning and value iteration alike."""
 
 import re
 from collections.abc import Callable, Iterator

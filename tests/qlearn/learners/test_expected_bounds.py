@@ -1,4 +1,4 @@
-"""What a budget of questions is likely to prove, held to sessions that are run by hand."""
+"""Forecasts of what a budget of questions will prove, against sessions that are run by hand."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What was answered before is known: a learner starts from it and asks none of it again; and audits
-have a limit.
-"""
+"""Earlier answers are known: a learner starts from them and asks none of them again.
+
+Audits have a limit."""
 
 from __future__ import annotations
 

@@ -398,7 +398,7 @@ def test_a_contradiction_is_logged_unused_and_raised(make: Make) -> None:
 
 
 class Contrary(TruthfulTutor):
-    """Of the simulated ones, with a way of its own to answer a single question."""
+    """A simulated tutor with its own way to answer a single question."""
 
     def __call__(self, query: Query) -> Answer:
         answer = super().__call__(query)
@@ -429,7 +429,7 @@ def test_a_tutor_with_its_own_way_to_answer_is_called_by_those_who_always_ask(ma
 
 
 def test_an_answer_is_in_the_log_before_the_learner_is_told() -> None:
-    """So it is not lost where telling fails, and nothing is told where it cannot be logged."""
+    """An answer is not lost if telling fails, and nothing is told if it cannot be logged."""
 
     class Failing:
         def __init__(self, learner: Any) -> None:
@@ -457,7 +457,7 @@ def test_an_answer_is_in_the_log_before_the_learner_is_told() -> None:
 def test_what_was_answered_before_a_tutor_raises_is_logged_and_told(
     error: type[BaseException],
 ) -> None:
-    """Of several questions at once, too."""
+    """This holds for several questions at once, too."""
     plain = drive(value_iteration(PolytopeComparator(K), batch=3), truth)
 
     class Failing:

@@ -67,7 +67,7 @@ both_ways = pytest.mark.parametrize("exact", [True, False], ids=["exactly", "nea
 
 @pytest.fixture(autouse=True)
 def few_at_once(monkeypatch):
-    """So that on these small models a sample is no more than that, and blocks are many."""
+    """Make samples and blocks small, so that small models have samples and several blocks."""
     monkeypatch.setattr(sampled, "TUNING", replace(TUNING, sample=5))
     monkeypatch.setattr(advantages_module, "STATES_AT_ONCE", 7)
     monkeypatch.setattr(drawn_losses, "NUMBERS", 1000)
@@ -349,8 +349,9 @@ def test_a_bag_that_the_tutor_cannot_judge_is_left_alone_and_others_are_asked(ex
 
 
 def of_cuts(result):
-    """Which of the answers were to mixtures, of which none is a policy's: they have no level in
-    common.
+    """Count the answers about mixtures.
+
+    The two sides of a mixture have no level in common, unlike those of two policies.
     """
     return (np.abs(np.abs(result.answers.d).sum(axis=1) - 2.0) < 1e-9).sum()
 

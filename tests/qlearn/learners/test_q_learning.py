@@ -59,7 +59,10 @@ SETTINGS: dict[str, dict[str, Any]] = {
 
 
 def learner_of(mdp: OrdinalMDP, comparator: Comparator, **settings: Any) -> InteractiveQLearning:
-    """With the settings of the reference, those of exploration beside the others."""
+    """Return a learner with the settings of the reference.
+
+    ``settings`` may have those of exploration beside the others.
+    """
     chances = settings.pop("epsilon", 0.3)
     explored = {
         name: settings.pop(name) for name in ("start", "episode_length") if name in settings

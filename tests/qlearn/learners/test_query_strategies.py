@@ -202,7 +202,7 @@ def test_learners_stop_where_the_loss_is_small_enough(learner, settings, enough)
 
 
 def late_and_usual(mdp, values, seed, particles, **settings):
-    """What both kinds of Q-learning come to with a tutor who errs."""
+    """Return the results of both kinds of Q-learning with a tutor who errs."""
     tutor = FlippingTutor(values, 0.1, seed=seed)
     comparator = PosteriorComparator(mdp.k, lapse=0.2, particles=particles, seed=seed)
     learners = [

@@ -1,6 +1,6 @@
-"""The same questions, answers, policies and bounds, however many threads BLAS would take, and in
-every process.
-"""
+"""Questions, answers, policies and bounds are the same with any number of BLAS threads.
+
+They are the same in every process, too."""
 
 import pytest
 

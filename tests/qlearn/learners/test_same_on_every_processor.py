@@ -1,4 +1,4 @@
-"""The same questions on every processor, and after a restart: none twice."""
+"""Questions are the same on every processor, and after a restart: none comes twice."""
 
 import re
 from pathlib import Path

@@ -1,6 +1,4 @@
-"""What learners and their results look like where people read them: short, and without being
-computed for it.
-"""
+"""Learners and their results as text: short, and without being computed for it."""
 
 import math
 import re

@@ -1,6 +1,4 @@
-"""Who is a tutor: any function from queries to answers, made, and made for as many levels as are
-asked about.
-"""
+"""A tutor is any function from queries to answers, made for as many levels as are asked about."""
 
 import pytest
 

@@ -155,7 +155,7 @@ def fork(rewards: tuple[float, float, float] = (0.0, 1.0, -1.0)) -> Any:
 
 
 def slippery() -> Any:
-    """As ``fork``, but what walking earns depends on where it leads."""
+    """Return ``fork``, with a reward for walking that depends on where it leads."""
     table = fork()
     table[0][0] = [(0.75, 1, 0.0, False), (0.25, 0, -1.0, False), (0.0, 1, 99.0, True)]
     table[1][0] = [(0.5, 0, 1.0, True), (0.5, 1, -1.0, False)]

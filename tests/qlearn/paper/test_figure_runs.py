@@ -81,7 +81,7 @@ def test_every_denominator(frame: pd.DataFrame) -> None:
 
 
 def test_runs_of_one_seed_are_those_of_the_ablation(frame: pd.DataFrame) -> None:
-    """The same run by the other command: nothing is computed twice in two ways."""
+    """The other command gives the same run: nothing is computed in two ways."""
     settings = {
         "noise": "logistic",
         "max_queries": None,

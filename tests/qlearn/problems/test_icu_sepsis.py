@@ -28,7 +28,7 @@ def uniform_policy(mdp: OrdinalMDP) -> Floats:
 
 
 def chain(mdp: OrdinalMDP, policy: Floats) -> Floats:
-    """Where a step of the policy (713, 25) leads (713, 715)."""
+    """Return the probabilities (713, 715) of the next state under a policy (713, 25)."""
     steps: Floats = np.einsum(
         "sa,sat->st", policy, mdp.transitions.toarray().reshape(715, 25, 715)[:713]
     )

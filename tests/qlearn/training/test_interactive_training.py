@@ -132,7 +132,7 @@ def test_with_a_poor_trainer_a_bound_is_kept_or_the_gap_is_seen_to_be_broken():
 
 
 def loss_at(mdp, policy):
-    """How far a training ended below its optimum."""
+    """Return how far a training ended below its optimum."""
     scale = policy.trained_on
     return float(
         mdp.initial @ value_iteration(mdp, np.maximum.accumulate(scale))[0] - policy.shares @ scale
@@ -404,7 +404,7 @@ def test_on_icu_sepsis():
 
 
 def test_a_disaster_that_no_episode_showed_is_within_the_bound():
-    """Of 2%, in 20 episodes: two times of three all are alike."""
+    """The disaster has 2% in each of 20 episodes: in two of three samples it does not occur."""
     values, unseen = [0.0, 99.5, 100.0], 0
     for seed in range(40):
         training = InteractiveTraining(PolytopeComparator(3), discount=0.5, optimality_gap=0.0)

@@ -184,7 +184,7 @@ def slacks(c: PolytopeComparator, g: Floats) -> tuple[Floats, Floats]:
 
 
 def decrement(rows: Floats, slack: Floats, flat: Floats) -> float:
-    """How far (in the barrier's own norm) a Newton step would still go, along the flat."""
+    """Return the length of a Newton step along the flat, in the barrier's own norm."""
     along = null_space(np.concatenate([np.ones((1, rows.shape[1])), rows[flat]]), rcond=1e-9)
     scaled = (rows[~flat] / slack[~flat, None]) @ along
     if not scaled.size:
@@ -266,8 +266,9 @@ def test_known_centres() -> None:
 
 
 def test_ties_that_only_the_edge_of_the_band_satisfies() -> None:
-    """Two answers "equal" whose middles contradict each other leave a sliver, and values lie in
-    it.
+    """Two answers "equal" that would contradict each other without a tie leave a thin set.
+
+    The values lie in it.
     """
     a, b = from_tails([1.0, -1.0, 0.0]), from_tails([1.0 + 2.0**-28, -1.0, 0.0])
     c = PolytopeComparator(4, margin=0.3, tie=0.0).update(Answers([a, b], [0, 0]))
@@ -521,7 +522,7 @@ def test_huge_and_tiny_in_one_difference() -> None:
     ("k", "flat"), [(10, 0), pytest.param(25, 0, marks=pytest.mark.slow), (12, 4)]
 )
 def test_five_hundred_answers(k: int, flat: int) -> None:
-    """With ties, nothing lies strictly inside: every doubtful sign is settled exactly."""
+    """Nothing lies strictly inside if there are ties: every doubtful sign is decided exactly."""
     rng = np.random.default_rng(13)
     truth, _ = few_bits(rng, k - 1, 30)
     ties = np.array([tie_with(rng, truth) for _ in range(flat)]).reshape(-1, k)

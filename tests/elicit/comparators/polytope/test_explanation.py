@@ -67,8 +67,9 @@ def in_units_of(d: Sequence[float]) -> list[Fraction]:
 
 
 def band(d: Sequence[float], tie: float) -> Fraction:
-    """What an answer "equal" about d allows: elicit draws it wider by less than one part in
-    10^12.
+    """Return the largest |d.e| that an answer "equal" about d allows.
+
+    The code allows more, by less than one part in 10^12.
     """
     return max(TIE_BAND * sum(map(abs, exact(d))), Fraction(tie))
 

@@ -61,7 +61,7 @@ def scale(rng: np.random.Generator, k: int, unordered: tuple[int, int], swap: bo
 
 
 def says(values: Any, d: Any) -> int:
-    """What a tutor of these values says of a difference."""
+    """Return the answer of a tutor of these values to a difference."""
     return int(np.sign(np.round(d @ values, 12)))
 
 

@@ -238,8 +238,9 @@ def test_slack_only_ever_loosens() -> None:
 
 
 def test_cuts_hold_exactly() -> None:
-    """Of any rows and weights, in rationals: the cut asks no more of any g >= 0 of total 1 than the
-    weighted sum.
+    """A cut asks no more of any g >= 0 of total 1 than the weighted sum, in rationals.
+
+    This holds for any rows and weights.
     """
     for i, case in enumerate(cases(33, 56, most_levels=12, most_answers=60)):
         rng, hinges = np.random.default_rng(i), Hinges.of(flipped(case, i), case.tie)
@@ -429,7 +430,7 @@ def test_it_keeps_the_contract_where_answers_contradict_each_other(k: int, slack
 
 @pytest.mark.slow
 def test_verdicts_depend_on_the_answers_only() -> None:
-    """Not on how they were told, nor on what was asked before, alone or in a batch."""
+    """The order of the answers, earlier questions, and the other rows of a batch change none."""
     rng = np.random.default_rng(2)
     for seed, slack in ((1, 0.0), (2, 0.01), (3, 0.1)):
         _, told = noisy(seed, 7, 30, 0.2)
@@ -470,8 +471,9 @@ def test_what_is_retracted_was_never_told() -> None:
 
 @pytest.mark.slow
 def test_extreme_answers_turned_round() -> None:
-    """As large and as small as floats can be: nothing overflows, and what is decided does not
-    depend on the unit.
+    """Differences are as large and as small as floats can be.
+
+    Nothing overflows, and the verdicts do not depend on the unit.
     """
     seen = 0
     for i, case in enumerate(c for c in cases(35, 14 * 12, most_levels=8) if c.kind == "extreme"):

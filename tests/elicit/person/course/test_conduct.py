@@ -1,4 +1,4 @@
-"""How a person answered is read from the log alone."""
+"""The conduct of a person is read from the log alone."""
 
 import random
 from typing import Any

@@ -1,4 +1,4 @@
-"""Further questions are in whole numbers, open, and about the level of which least is known."""
+"""Further questions: in whole numbers, undecided, about the level whose value is least known."""
 
 import numpy as np
 import pytest

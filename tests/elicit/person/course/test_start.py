@@ -1,4 +1,4 @@
-"""What was known before the first answer is kept in the log, and read for the same facts only."""
+"""Facts from before the first answer are kept in the log, and read for the same facts only."""
 
 from typing import Any
 

@@ -118,7 +118,7 @@ def name(page: Any, words: str) -> Any:
 
 
 def truthfully(page: Any) -> str:
-    """The choice of somebody to whom moderate is worth 55 of 100: by what the page shows."""
+    """Return the choice of a person to whom moderate is worth 55 of 100, read off the page."""
     worth = []
     for card in page.locator(".card").all():
         rows = dict(

@@ -47,7 +47,7 @@ class Room:
         self.everybody = {**self.guests, "runner": self.runner}
 
     def logs(self) -> dict[str, bytes]:
-        """What is on the disk."""
+        """Return the files on the disk, by name."""
         return {who: path.read_bytes() for who, path in self.paths.items()}
 
     def answers(self, who: str) -> list[Any]:

@@ -55,7 +55,7 @@ def server(page: None) -> Iterator[WebServer]:
 
 @pytest.fixture
 def visitor(server: WebServer) -> Visitor:
-    """Who was let in there."""
+    """Return a visitor whom the server has let in."""
     return Visitor(server.new_address())
 
 
@@ -75,13 +75,14 @@ def host(session: Session) -> Iterator[WebServer]:
 
 @pytest.fixture
 def person(host: WebServer) -> Visitor:
-    """Who answers there."""
+    """Return the person who answers at this host."""
     return Visitor(host.new_address())
 
 
 def raw(server: WebServer, request: str | bytes) -> bytes:
-    """What the server sends until it closes the connection, which it may do before the request
-    ends.
+    """Return the bytes that the server sends until it closes the connection.
+
+    It may close it before the request ends.
     """
     found = b""
     with socket.create_connection(("127.0.0.1", server.port), timeout=30) as connection:

@@ -28,7 +28,7 @@ class Recorded(BaseComm):
         self.sent.append(data)
 
     def say(self, content: Any) -> Any:
-        """What comes back to a custom message."""
+        """Return the reply to a custom message."""
         self.sent.clear()
         self.handle_msg(
             {"content": {"data": {"method": "custom", "content": content}}, "buffers": []}

@@ -86,7 +86,7 @@ def jupyterlab(folder: Path, *sources: str) -> Iterator[str]:
 
 
 def opened(page: Any, url: str) -> None:
-    """Open the notebook, and wait until its kernel is idle: what is run before is lost."""
+    """Open the notebook, and wait until its kernel is idle: cells run before that are lost."""
     page.goto(f"{url}doc/tree/session.ipynb?token=secret")
     end = time.monotonic() + 60
     while True:

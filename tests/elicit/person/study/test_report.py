@@ -22,7 +22,7 @@ def end(answered: int, **more: Any) -> dict[str, Any]:
 
 
 def each(low: float, value: float, high: float, asked: bool = True) -> list[dict[str, Any]]:
-    """What a level is worth to a person."""
+    """Return a level's value to a person, as the report has it."""
     return [{"who": "a<b>n", "value": value, "low": low, "high": high, "asked": asked}]
 
 

@@ -76,7 +76,7 @@ def test_the_mapping_is_found_from_the_package_and_makes_the_default_size() -> N
 
 
 def test_the_catalogue_alone_imports_no_arrays() -> None:
-    """So that the command line can list the names at once."""
+    """The command line can list the names at once for this reason."""
     code = (
         "import sys; from qlearn.problems import FAMILIES; "
         "print(len(FAMILIES) > 7, [name for name in ('numpy', 'scipy') if name in sys.modules])"
