@@ -1,8 +1,8 @@
 """Objectives beside levels: weights for m objectives that have no order, by the same comparators.
 
-A vector of objectives v (m,), each to be had more of, is worth w.v by hidden weights w >= 0 that
-total 1. Those weights are the gaps of a scale of m + 1 levels, and v the tail sums of
-``as_levels(v)``: for two such vectors d.e is w.(v - u).
+A vector of objectives v (m,), of each of which more is better, is worth w.v. The weights w >= 0 are
+hidden and total 1. They are the gaps of a scale of m + 1 levels, and v are the tail sums of
+``as_levels(v)``. So for two such vectors d.e is w.(v - u).
 
     vectors = as_levels(v)                                # (n, m) objectives, say profit and minus
                                                           the waste
@@ -14,9 +14,9 @@ Everything that looks at differences carries over: comparators, their bounds and
 the learners' loop, tutors (``TruthfulTutor(values(w))``), ``qlearn.InteractiveTraining``. What
 changes: dominance is componentwise, "as much of every objective". Vectors are no shares (entries
 may be negative), so bags of days and pictures of them mean nothing; show people v itself,
-``of_levels(query.left)``. Losses come in the unit of w.v: bring the objectives to like ranges, 0 to
-1 say, or one that is counted in thousands is all that a tolerance sees. No weight is less than the
-margin of a polytope, 1e-6 by default.
+``of_levels(query.left)``. Losses come in the unit of w.v. So bring the objectives to similar
+ranges, such as 0 to 1. Otherwise a tolerance depends on the one with the largest numbers alone. No
+weight is less than the margin of a polytope, 1e-6 by default.
 """
 
 import numpy as np

@@ -16,9 +16,9 @@ from qlearn.experiments.compile_ahead import ALL
 
 
 def main() -> None:
-    """Run the small examples that leave the machine code behind.
+    """Compile all machine code, by running small examples.
 
-    As many run at once as there are cores; they take a moment if it is there already.
+    As many run at once as there are cores. It takes a moment if the code is compiled already.
     """
     jobs, begun = min(len(ALL), cores()), monotonic()
     jit.first_on_this_machine()  # so that the processes leave it to this one to say what they do

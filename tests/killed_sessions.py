@@ -67,9 +67,8 @@ def told(log: Path) -> list[Any]:
 def killed(folder: Path, kills: int, seed: int) -> dict[str, Any]:
     """Run a session that is killed so many times, and count.
 
-    The result has the numbers of kills, of answers and of those marked unused, and the faults
-    found.
-    There should be none.
+    The result has the numbers of kills, of answers and of those marked unused, and the faults that
+    were found. There should be none.
     """
     chance, wrong, done, answers, unused, round_ = random.Random(seed), [], 0, 0, 0, 0
     undisturbed = []

@@ -107,7 +107,5 @@ def answer_all(
 
 
 def untimed(end: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the texts of the end's screen, without remarks that depend on the speed of the
-    answers.
-    """
+    """Return the texts of the end's screen, without remarks on the speed of the answers."""
     return {name: said for name, said in end.items() if name != "remarks"}

@@ -122,8 +122,7 @@ def run(learner: Learner, tutor: Tutor) -> tuple[Result, list[float]]:
 def problem(name: str, seed: int) -> tuple[OrdinalMDP, Floats]:
     """Return an MDP and its hidden values (k,).
 
-    ``name`` is ICU-Sepsis, a family, or "k = ..." for a random MDP of the paper with so many
-    levels.
+    ``name`` is ICU-Sepsis, a family, or "k = ..." for a random MDP of the paper of k levels.
     """
     if name in (ICU, *FAMILIES):
         mdp = _icu() if name == ICU else FAMILIES[name](seed)

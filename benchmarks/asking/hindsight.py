@@ -125,8 +125,7 @@ def current_solution(gaps: Floats, advantages: Advantages, high: Floats) -> int:
     """Return the level of the widest gap, weighed by how much of the level the best two plans have.
 
     These are the policy, and the alternative with the greatest bound, of ``high`` (n,). The greater
-    of
-    their shares counts.
+    of their shares counts.
     """
     row = int(np.argmax(high))
     v = advantages.v[advantages.states[row]]

@@ -53,8 +53,7 @@ def doubt(problem: Problem, data: Data, gamma: Floats) -> float:
     """Bound the distance of admissible gamma (r, p) from the optima of the first r resamples.
 
     It is in units of theta / theta_k. With a ridge no optimum is farther away than the length of
-    the
-    gradient over the ridge (strong convexity).
+    the gradient over the ridge (strong convexity).
     """
     slope = (
         problem.ridge * gamma
@@ -67,10 +66,10 @@ def doubt(problem: Problem, data: Data, gamma: Floats) -> float:
 
 
 def disagreement(problem: Problem, data: Data, gamma: Floats) -> float:
-    """Return the distance of gamma (r, p) from cvxpy's fits to the first r resamples, tightly
-    solved.
+    """Return the distance of gamma (r, p) from cvxpy's fits to the first r resamples.
 
-    It is in units of theta / theta_k, and nan if Clarabel breaks down on all of them.
+    These are solved tightly. The distance is in units of theta / theta_k, and nan if Clarabel
+    breaks down on all of them.
     """
     off = [math.nan]
     for ours, counts in zip(gamma, data.counts, strict=False):

@@ -47,8 +47,7 @@ KNOWING = "the same loop, values known"
 
 
 class Plan(NamedTuple):
-    """The setting that all measurements vary, the levels k, the size of a rival's run, and the
-    growth.
+    """The setting that all measurements vary, the levels k, and the sizes of rivals' runs.
 
     A rival's run is cut short: to so many open comparisons, steps and questions, and a peer's to so
     many steps. The sizes at which growth is measured come last.

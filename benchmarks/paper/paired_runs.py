@@ -208,8 +208,7 @@ def answer(differences: Floats, least: float) -> str:
     """Return "more", "less", "as much" or "inconclusive" for paired differences (n,) of a measure.
 
     It is "more" or "less" if their 95% interval excludes 0, and "as much" if the interval lies
-    within
-    ``least`` on both sides.
+    within ``least`` on both sides.
     """
     mean, half = float(np.mean(differences)), _half_width(differences)
     if abs(mean) > half:

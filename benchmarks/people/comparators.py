@@ -36,8 +36,11 @@ MAKES: Mapping[str, Callable[[int], Comparator]] = {
 
 
 class Predictions(NamedTuple):
-    """By person and question (n, m): the verdict on it, the probability of the answer "left", and
-    the probability that left is better; nan where nothing is predicted, or there is none."""
+    """Predictions (n, m) for each person and question; nan where there is none.
+
+    They are the verdict, the probability of the answer "left", and the probability that left is
+    better.
+    """
 
     verdict: Floats
     chance: Floats

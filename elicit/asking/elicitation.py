@@ -615,10 +615,10 @@ class Elicitation:
     def _act_on(
         self, answer: Answer, asked: Pending, unused: bool, comparator: Comparator
     ) -> Verdict:
-        """The verdict to act on.
+        """Return the verdict to act on.
 
-        It is the tutor's, or the default if the tutor cannot tell. For an audit's answer that the
-        others allow, it is what the comparator makes of it.
+        It is the tutor's, or ``undecided`` if the tutor cannot tell. An audit's answer that fits
+        the other answers is learned first. Then the comparator's verdict counts, if it has one.
         """
         if answer.verdict is None:
             return self._undecided if asked.expected is None else asked.expected

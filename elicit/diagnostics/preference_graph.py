@@ -270,7 +270,7 @@ def _circles(graph: nx.DiGraph) -> list[tuple[frozenset[_Said], _Nodes]]:
 
 
 def _only(graph: nx.DiGraph, said: frozenset[_Said], nodes: _Nodes) -> nx.DiGraph:
-    """Return the graph of these nodes as if nothing else had been said about them."""
+    """Return the graph of these nodes with these answers and dominance, and no other answers."""
     edges = {(better, worse) for better, worse, _ in said} | {
         (b, a) for a, b, kind in said if kind == "equal"
     }

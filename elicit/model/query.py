@@ -289,9 +289,9 @@ class AnswerRow(NamedTuple):
 class Answers:
     """The answers that comparators learn from.
 
-    d (n, k) is left - right, y (n,) lies in {-1, 0, +1}, and each row has an id. One is
-    ``answers[i]`` (an ``AnswerRow``), and so is each in a loop; ``answers[i:j]`` are Answers again.
-    ``who`` (n,) has the name of the person who gave each answer, or None.
+    d (n, k) is left - right, y (n,) lies in {-1, 0, +1}, and each row has an id. ``who`` (n,) has
+    the name of the person who gave each answer, or None. ``answers[i]`` is an ``AnswerRow``, and a
+    loop yields such rows. ``answers[i:j]`` are Answers again.
     """
 
     d: Floats

@@ -1,4 +1,4 @@
-"""The graph of answers, in layers."""
+"""Picture of the graph of answers: better vectors lie in layers above worse ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The likelihood of an erring tutor, eq. (6) with lapses: for whatever predicts an answer.
+"""The likelihood of an erring tutor: eq. (6) with lapses, for all code that predicts answers.
 
 A tutor with precision c says that left is better with probability
 lapse/2 + (1 - lapse) / (1 + exp(-c d.e)). The posterior's compiled twin, which needs logarithms and

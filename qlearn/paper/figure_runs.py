@@ -129,7 +129,7 @@ def run_one(cell: Cell, **shared: Any) -> Run:
 
 
 def _shown(frame: pd.DataFrame) -> pd.DataFrame:
-    """The columns of the figures."""
+    """Return the columns that the figures show."""
     fresh = frame.compared - frame.equal - frame.dominance - frame.known
     place = list(frame.columns).index("paper_loss_percent")
     frame.insert(place, "asked_percent_fresh", 100 * frame.asked / fresh.where(fresh > 0))

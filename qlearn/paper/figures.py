@@ -80,9 +80,9 @@ def plot_loss(
     tutors: Sequence[str] | None = None,
     measures: Sequence[str] = tuple(_LOSSES),
 ) -> Figure:
-    """Figure 4: the paper's percentage of loss, beside what it does not show.
+    """Draw figure 4, the paper's percentage of loss, beside losses that the paper does not show.
 
-    Lines at 1%, the paper's bound. ``tutors`` and ``measures`` as for ``plot_asked``.
+    There are lines at 1%, the paper's bound. ``tutors`` and ``measures`` are as for ``plot_asked``.
     """
     rows, figure, panels = _panels(
         summary, series, [_LOSSES[one][0] for one in measures], tutors, sharey=False

@@ -376,7 +376,7 @@ def rows_of(frame: pd.DataFrame, text: str) -> Iterator[Cells]:
 
 
 def drawn(comparator: str) -> Again:
-    """Runs of the figures, on the smallest problem."""
+    """Repeat runs of the figures, on the smallest problem."""
 
     def again(text: str) -> Iterator[str | Cells]:
         size = {

@@ -454,8 +454,8 @@ def test_axes_are_used_or_made(draw):
 
 def test_only_drawing_needs_matplotlib_and_the_error_names_what_to_install():
     code = (
-        "sys.modules['matplotlib'] = None; import elicit.plot as p; "
-        "p.scale_intervals(p.PolytopeComparator(3))"
+        "sys.modules['matplotlib'] = None; import elicit, elicit.plot as p; "
+        "p.scale_intervals(elicit.PolytopeComparator(3))"
     )
     found = subprocess.run(
         [sys.executable, "-c", f"import sys; {code}"], capture_output=True, text=True

@@ -106,7 +106,7 @@ def _groups(a: Any, b: Any, alone: Any) -> list[Any]:
 def steps(x: Floats, a: Floats, b: Floats, p: int, u: list[Floats]) -> tuple[Floats, Any]:
     """Return the proposals of ``mcmc.step`` for particles x (q, size), and flags (q,).
 
-    A flag is False if the proposal leads nowhere.
+    A flag is False if the proposal is the particle itself.
     """
     size, apart = x.shape[1], np.zeros(len(x))
     count = np.where(u[4] < WHOLE, size, np.minimum(size, 1 + (u[5] * FEW).astype(np.int64)))
@@ -132,7 +132,7 @@ def steps(x: Floats, a: Floats, b: Floats, p: int, u: list[Floats]) -> tuple[Flo
 def exchanges(x: Floats, p: int, u: list[Floats]) -> tuple[Floats, Any]:
     """Return the proposals of ``mcmc.swap`` for particles x (q, size), and flags (q,).
 
-    A flag is False if the proposal leads nowhere.
+    A flag is False if the proposal is the particle itself.
     """
     each, first = np.arange(len(x)), (u[2] * p).astype(np.int64)
     count = 2 + (u[3] * (p - 1)).astype(np.int64)

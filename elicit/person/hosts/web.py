@@ -96,7 +96,7 @@ class PageServer(Closing):
             raise RuntimeError("the page could not be served: the error above says why")
 
     def close(self) -> None:
-        """Stop; what is under way is finished, if that takes no more than seconds."""
+        """Stop the server, once requests under way are answered, or after a few seconds."""
         self._server.should_exit = True
         self._thread.join()
 
@@ -129,7 +129,7 @@ class WebServer(PageServer):
         return f"{self.origin}/?token={self._door.new_token()}"
 
     def close(self) -> None:
-        """Stop; what is under way is finished, if that takes no more than seconds."""
+        """Stop the server, once requests under way are answered, or after a few seconds."""
         super().close()
         self._interview.close()
 

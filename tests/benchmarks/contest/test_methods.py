@@ -185,8 +185,7 @@ def test_volume_removal_is_nothing_for_equal_trajectories():
     ],
 )
 def test_the_gaussian_process_has_the_figures_of_the_authors(linear, means, variances):
-    """Posterior means and variances by the authors' own code, which has a jitter of .01 in the
-    curvature.
+    """The figures are by the authors' own code, which has a jitter of .01 in the curvature.
 
     With the prior mean of zero, four points beat the worst vector and lose to the best one.
     """

@@ -467,7 +467,7 @@ class Fickle:
 
 
 def test_what_the_comparator_has_decided_stands_whatever_it_says_later() -> None:
-    """The level is better than the first mixture; of the second, the tutor says that it is not."""
+    """The comparator decides one pair once, and the tutor the other one; both verdicts stand."""
     choosing = choose([[0, 1, 0], [0.5, 0, 0.5], [0.2, 0, 0.8]], Fickle(), order=True)
     (query,) = choosing.ask()
     choosing.tell([Answer(query, -1 if query.left[1] == 1 else 1)])

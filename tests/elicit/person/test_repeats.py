@@ -34,8 +34,9 @@ def says(query: Query) -> Verdict | None:
 
 
 def answer(session: Session, most: int = 1000, other: bool = False) -> list[str]:
-    """The ids of so many questions, answered; those put again otherwise than before, if
-    ``other``.
+    """Answer at most so many questions, and return their ids.
+
+    If ``other``, a repeated question gets the opposite answer.
     """
     ids: list[str] = []
     while len(ids) < most and (query := session.question()):

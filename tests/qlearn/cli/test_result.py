@@ -20,7 +20,7 @@ TABLE = "name,died,ill,well\nold,2,3,5\nnew,3,1,6\nnone,1,8,1\n"
 def log(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> Path:
-    """The log of somebody who answered six questions about a table, or settled what differed."""
+    """Return the log of a person who answered six questions about a table, and its conflicts."""
     monkeypatch.chdir(tmp_path)
     Path("care.csv").write_text(TABLE)
     monkeypatch.setattr(sys, "stdin", io.StringIO("a\n1\n" * 7))

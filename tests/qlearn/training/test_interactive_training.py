@@ -427,8 +427,9 @@ def test_a_disaster_that_no_episode_showed_is_within_the_bound():
 
 
 def test_a_result_changes_no_later_question():
-    """Nor do `finished`, `start_from` and `to_train`, also between two policies that are brought in
-    together.
+    """Reading `finished`, `start_from` and `to_train` changes none either.
+
+    That is so between two policies that are brought in together, too.
     """
     rng, values = np.random.default_rng(3), np.array([0.0, 0.2, 0.7, 1.0])
     seen = rng.dirichlet(np.ones(4), 12)

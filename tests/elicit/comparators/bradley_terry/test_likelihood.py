@@ -175,8 +175,9 @@ def test_a_weight_is_a_repeated_row() -> None:
 
 
 def has_a_maximum(t: Floats, y: np.ndarray, weights: Floats) -> bool:
-    """No admissible direction, gaps >= 0, along which no answer gets less likely (linear
-    program).
+    """Return whether the likelihood has a maximum, by a linear program.
+
+    It has none if there is a direction, of gaps >= 0, along which no answer gets less likely.
     """
     kept = weights > 0
     signed = y[kept, None] * t[kept]
