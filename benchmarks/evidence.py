@@ -6,10 +6,14 @@
     python -m benchmarks.evidence --only claims RESULTS  of these pages only
     python -m benchmarks.evidence --stale                say which pages are stale; the exit code is
                                                          1 if any is
+    python -m benchmarks.evidence --repeat               make some rows of each stale page again;
+                                                         where all have the digits of their page
+                                                         its stamp says so
 
 A page is stale if its stamp (``stamps``) names other sources than those of its program now, or
-none. If it is stopped, the same command goes on, because pages that are done are current then. The
-programs with a journal also keep the runs of a page that they have finished.
+none, unless some of its rows were made again with the sources of now and were the same. If making
+is stopped, the same command goes on, because pages that are done are current then. The programs
+with a journal also keep the runs of a page that they have finished.
 """
 
 from __future__ import annotations
@@ -19,6 +23,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
+from datetime import date
 from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
@@ -43,6 +48,7 @@ class Page(NamedTuple):
     copy_of: str = ""
     seeds: str = ""
     sources: Sequence[str] = ()
+    times: bool = False
 
     @property
     def name(self) -> str:
@@ -51,12 +57,25 @@ class Page(NamedTuple):
 
     @property
     def state(self) -> str:
-        """The word "current", or why it is not."""
+        """State of the page: "current", "repeated", or why it is stale."""
         stamp = stamps.of(ROOT / self.path) if (ROOT / self.path).exists() else None
         if stamp is None or not stamp.sources:
             return "made before stamps" if stamp else "not stamped"
-        program = self.path if self.path.endswith(".ipynb") else self.command.split()[0]
-        return "current" if stamp.sources == stamps.sources(program) else "of older sources"
+        if stamp.sources == self.sources_now:
+            return "current"
+        return "repeated" if stamp.again_by == self.sources_now else "of older sources"
+
+    @property
+    def stale(self) -> bool:
+        """True if the page may show other numbers than the code of now would."""
+        return self.state not in ("current", "repeated")
+
+    @property
+    def sources_now(self) -> str:
+        """The hash of the code of now that the page's numbers depend on."""
+        return stamps.sources(
+            self.path if self.path.endswith(".ipynb") else self.command.split()[0]
+        )
 
 
 PAGES = tuple(Page(**entry) for entry in stamps.manifest())
@@ -84,6 +103,31 @@ def make(page: Page) -> bool:
     return page.state == "current"
 
 
+def repeat(page: Page) -> bool:
+    """Make some rows of a page again, and stamp the page if they have its digits.
+
+    Returns whether they have. A page that shows times is not stamped: they are not compared.
+    """
+    from benchmarks.rows_again import NOT_AGAIN, SAMPLES, differing
+
+    samples = [sample for sample in SAMPLES if sample.page == page.name]
+    why = NOT_AGAIN.get(page.name, "it shows times, which no digits confirm" if page.times else "")
+    if why:
+        print(f"{page.path} is to be made again whole: {why}", flush=True)
+        return False
+    now = page.sources_now
+    other = [found for sample in samples for found in differing(page, sample.again)]
+    for found in other:
+        print(f"{page.path} has no such row: {found}", flush=True)
+    stamp = stamps.of(ROOT / page.path)
+    if other or stamp is None:
+        return False
+    day = date.today().isoformat()
+    stamps.put(ROOT / page.path, stamp._replace(again=day, again_by=now))
+    print(f"{page.path}: rows made again are the same", flush=True)
+    return True
+
+
 def missing(page: Page) -> list[str]:
     """Return the extras that the page needs and that are not installed."""
     return [extra for extra in page.needs if find_spec(NEEDS[extra]) is None]
@@ -94,7 +138,7 @@ def tell(states: Sequence[tuple[Page, str]]) -> None:
     for page, state in states:
         needs = f" (needs {', '.join(page.needs)})" if page.needs else ""
         print(f"{page.name}: {state}; {page.minutes:g} min{needs}: python -m {page.command}")
-    stale = [page for page, state in states if state != "current"]
+    stale = [page for page, state in states if state not in ("current", "repeated")]
     hours = sum(page.minutes for page in stale) / 60
     print(
         f"--all makes the {len(stale)} that are stale again, in about {hours:.0f} hours; "
@@ -112,36 +156,39 @@ def main(arguments: Sequence[str] | None = None) -> int:
         nargs="+",
         choices=[page.name for page in PAGES],
         metavar="NAME",
-        help="these pages only: make what is stale",
+        help="these pages only: make what is stale, or with --repeat some of its rows",
     )
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--all", action="store_true", help="make all that is stale: hours")
     what.add_argument(
         "--stale", action="store_true", help="say which pages are stale, and make none"
     )
+    what.add_argument(
+        "--repeat",
+        action="store_true",
+        help="make some rows of stale pages again, and stamp the pages where they are the same",
+    )
     parser.add_argument(
         "--fresh", action="store_true", help="with --all or --only: make those that are current too"
     )
     given = parser.parse_args(arguments)
-    makes = (given.all or given.only) and not given.stale
-    if given.fresh and not makes:
+    makes = (given.all or given.only or given.repeat) and not given.stale
+    if given.fresh and (given.repeat or not makes):
         parser.error("--fresh goes with --all, or with --only and the names of pages")
     chosen = [page for page in PAGES if given.only is None or page.name in given.only]
     if not makes:
-        states = [(page, page.state) for page in chosen]
-        if given.stale:
-            states = [(page, state) for page, state in states if state != "current"]
+        states = [(page, page.state) for page in chosen if page.stale or not given.stale]
         if states or not given.stale:
             tell(states)
         return int(given.stale and bool(states))
     left = []
     for page in chosen:
-        if page.state == "current" and not given.fresh:
-            print(f"{page.path} is current")
+        if not page.stale and not given.fresh:
+            print(f"{page.path} is {page.state}")
         elif extras := missing(page):
             print(f"{page.path} needs pip install -e '.[{','.join(extras)}]'", file=sys.stderr)
             left.append(page)
-        elif not make(page):
+        elif not (repeat(page) if given.repeat else make(page)):
             left.append(page)
     if left:
         print(f"left as they were: {', '.join(page.path for page in left)}", file=sys.stderr)

@@ -29,27 +29,36 @@ ASIDE = (  # but not of these, unless pages.toml names them: screens, commands, 
 )
 _BEFORE = "Made before pages were stamped"
 _LINE = re.compile(
-    rf"^(?:Made on (\S+)|{_BEFORE},) by `([^`]*)`(?:; seeds (.*); sources (\w+))?\.$", re.MULTILINE
+    rf"^(?:Made on (\S+)|{_BEFORE},) by `([^`]*)`(?:; seeds (.*?); sources (\w+))?\."
+    r"(?: Some rows made again on (\S+): the same; sources (\w+)\.)?$",
+    re.MULTILINE,
 )
 
 
 class Stamp(NamedTuple):
     """The command, its seeds, the day (ISO), and a hash of the sources.
 
-    Only the command is known of a page that was made before there were stamps.
+    Only the command is known of a page that was made before there were stamps. ``again`` is the
+    last day on which some rows were made again by code with the hash ``again_by``, and were the
+    same.
     """
 
     command: str
     seeds: str = ""
     day: str = ""
     sources: str = ""
+    again: str = ""
+    again_by: str = ""
 
     def __str__(self) -> str:
         if not self.sources:
             return f"{_BEFORE}, by `{self.command}`."
-        return (
+        made = (
             f"Made on {self.day} by `{self.command}`; seeds {self.seeds}; sources {self.sources}."
         )
+        if not self.again:
+            return made
+        return f"{made} Some rows made again on {self.again}: the same; sources {self.again_by}."
 
 
 def sign(page: Path, seeds: str) -> None:
@@ -89,8 +98,8 @@ def of(page: Path) -> Stamp | None:
     found = _LINE.search(text)
     if not found:
         return None
-    day, command, seeds, made_of = found.groups(default="")
-    return Stamp(command, seeds, day, made_of)
+    day, command, seeds, made_of, again, again_by = found.groups(default="")
+    return Stamp(command, seeds, day, made_of, again, again_by)
 
 
 def without(text: str) -> str:

@@ -10,15 +10,17 @@ import pytest
 
 import elicit
 import qlearn
-from benchmarks import evidence, stamps
+from benchmarks import evidence, rows_again, stamps
 from benchmarks.evidence import PAGES, ROOT, Page
+from benchmarks.rows_again import Sample
 from benchmarks.stamps import Stamp
 
 NOW = Stamp("python -m benchmarks.x --out x.md", "0-19", "2026-01-31", "0123456789")
 BEFORE = Stamp("python -m benchmarks.x")
+AGAIN = NOW._replace(again="2026-02-28", again_by="9876543210")
 
 
-@pytest.mark.parametrize("stamp", [NOW, BEFORE])
+@pytest.mark.parametrize("stamp", [NOW, BEFORE, AGAIN])
 @pytest.mark.parametrize("name", ["x.md", "x.csv"])
 def test_a_page_has_one_stamp_which_is_read_back_and_taken_off(tmp_path, name, stamp):
     page = tmp_path / name
@@ -213,6 +215,35 @@ def test_what_is_stale_is_made_again_and_what_fails_or_cannot_be_is_said(pages, 
     assert [line.split(":")[0] for line in told.splitlines()[1:-1]] == ["b", "c"]
     assert evidence.main(["--only", "a", "--fresh"]) == 0
     assert pages == ["a", "b", "a"]
+
+
+def test_a_page_whose_rows_are_the_same_is_stamped_so_and_is_not_stale(
+    tmp_path, monkeypatch, capsys
+):
+    page = Page("a.md", "program a", 1)
+    monkeypatch.setattr(evidence, "ROOT", tmp_path)
+    monkeypatch.setattr(evidence, "PAGES", (page, page._replace(path="b.md", times=True)))
+    for name in ("a.md", "b.md"):
+        (tmp_path / name).write_text(f"| a | 1.0 |\n\n{NOW}\n")
+    monkeypatch.setattr(evidence.stamps, "sources", lambda program: "0f0f")
+    monkeypatch.setattr(rows_again, "ROOT", tmp_path)
+    rows = [["a", "1.1"]]
+    samples = [Sample(name, lambda text: iter(rows)) for name in "ab"]
+    monkeypatch.setattr(rows_again, "SAMPLES", samples)
+    assert evidence.main(["--repeat"]) == 1  # the row differs
+    assert page.state == "of older sources"
+    assert "a.md has no such row: ['a', '1.1']" in capsys.readouterr().out
+    rows[0][1] = "1.0"
+    assert evidence.main(["--repeat"]) == 1  # b.md shows times
+    told = capsys.readouterr()
+    assert "a.md: rows made again are the same" in told.out
+    assert "b.md is to be made again whole: it shows times" in told.out
+    assert "left as they were: b.md" in told.err
+    assert page.state == "repeated"
+    assert (tmp_path / "a.md").read_text().startswith("| a | 1.0 |\n\nMade on 2026-01-31 by ")
+    assert not page.stale
+    monkeypatch.setattr(evidence.stamps, "sources", lambda program: "1f1f")
+    assert page.stale
 
 
 @pytest.mark.parametrize("options", [[], ["--stale", "--only", "a"]])
