@@ -58,7 +58,7 @@ Again: TypeAlias = Callable[
 
 
 class Sample(NamedTuple):
-    """Rows of a page: its name, the function that repeats them, and a flag if that takes seconds."""
+    """Rows of a page: its name, the function that repeats them, and whether it takes seconds."""
 
     page: str
     again: Again
