@@ -27,6 +27,7 @@ These further members are optional, and are used if they exist:
 """
 
 from collections.abc import Callable
+from functools import partial
 from textwrap import fill
 from typing import Any, TypeVar, cast
 
@@ -500,7 +501,7 @@ def _check_bounds_above(comparator: Comparator, d: Floats, tight: Floats) -> Non
     """Check against ``simultaneous_bounds`` of d (n, k), of which those below 0 may be loose."""
     room = _TOLERANCE * np.abs(d).sum(axis=1)
     for enough in (float(np.median(tight)), np.maximum(tight, 0.0)):
-        found, _ = _wanted(lambda enough=enough: bounds_above(comparator, d, enough))
+        found, _ = _wanted(partial(bounds_above, comparator, d, enough))
         wrong = (found < tight - room) & (tight > 0)
         wrong |= found > np.maximum(np.maximum(tight, enough), 0.0) + room
         j = int(np.argmax(wrong))
