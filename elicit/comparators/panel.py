@@ -367,6 +367,7 @@ class _Combination:
 
 _PARTS: Mapping[str, _Combination] = {
     "simultaneous_bounds": _Combination("simultaneous_bounds", lambda panel: panel._all_at_once),
+    "bounds_above": _Combination("", lambda panel: None),  # a mean's are of all members' bounds
     "bounds_after": _Combination("", lambda panel: None),  # an answer is one member's
     "draws": _Combination("draws", lambda panel: panel._mean_draws),
     "level": _Combination("level", lambda panel: min(cast(Any, one).level for one in panel._each)),

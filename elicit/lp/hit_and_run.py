@@ -6,12 +6,14 @@ ellipsoid there (Kannan and Narayanan 2012), which has about the shape of K_t. A
 steps they are near enough to uniform.
 """
 
-from typing import NamedTuple
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from elicit._support.fixed_order import LeastSquares, product, sums_to_zero
 from elicit._support.hashing import name_code
+from elicit._support.jit import compiled_beside
 from elicit._support.threads import one_thread
 from elicit.lp.region import Region
 from elicit.model.scale import Floats
@@ -64,17 +66,55 @@ def draws_within(region: Region, inside: Floats) -> Draws:
     rows, limits = region.constraints_in_order
     shape = _ellipsoid(rows, limits, inside)
     slack = product(rows, g) - limits[:, None]
+    up, down = np.empty(CHAINS), np.empty(CHAINS)
     for _ in range(STEPS):
         way = product(shape, rng.standard_normal((p - 1, CHAINS)))
         rate = product(rows, way)
-        with np.errstate(all="ignore"):
-            reach = -slack / rate  # distance along the line at which each constraint is met
-        up = np.where(rate < 0, reach, np.inf).min(axis=0)
-        down = np.where(rate > 0, reach, -np.inf).max(axis=0)
+        _reached(slack, rate, up, down)
         moves = np.isfinite(up) & np.isfinite(down) & (up > down)
         length = np.where(moves, down + (up - down) * rng.random(CHAINS), 0.0)
-        g, slack = g + length * way, np.maximum(slack + length * rate, 0.0)
+        g = g + length * way
+        _move(slack, rate, length)
     return Draws(g / g.sum(axis=0), weights, never)
+
+
+def _reached_together(slack: Floats, rate: Floats, up: Floats, down: Floats) -> None:
+    """Write the distances (n,) along each line at which it leaves the region, up and down.
+
+    ``slack`` (m, n) are the distances to the constraints, and ``rate`` (m, n) how fast they grow.
+    """
+    with np.errstate(all="ignore"):
+        reach = -slack / rate  # distance along the line at which each constraint is met
+    up[:] = np.where(rate < 0, reach, np.inf).min(axis=0)
+    down[:] = np.where(rate > 0, reach, -np.inf).max(axis=0)
+
+
+@compiled_beside(_reached_together)
+def _reached(slack: Any, rate: Any, up: Any, down: Any) -> None:
+    """Write the same, a constraint at a time."""
+    m, n = rate.shape
+    for i in range(n):
+        up[i], down[i] = math.inf, -math.inf
+    for c in range(m):
+        for i in range(n):
+            reach = -slack[c, i] / rate[c, i]
+            up[i] = min(up[i], reach if rate[c, i] < 0.0 else math.inf)
+            down[i] = max(down[i], reach if rate[c, i] > 0.0 else -math.inf)
+
+
+def _move_together(slack: Floats, rate: Floats, length: Floats) -> None:
+    """Add to ``slack`` (m, n) what it grows by along the lines (n,); none becomes negative."""
+    slack += length * rate
+    np.maximum(slack, 0.0, out=slack)
+
+
+@compiled_beside(_move_together)
+def _move(slack: Any, rate: Any, length: Any) -> None:
+    """Do the same, a constraint at a time."""
+    m, n = slack.shape
+    for c in range(m):
+        for i in range(n):
+            slack[c, i] = max(slack[c, i] + length[i] * rate[c, i], 0.0)
 
 
 def _ellipsoid(rows: Floats, limits: Floats, inside: Floats) -> Floats:

@@ -40,6 +40,18 @@ class BoundsAllAtOnce(Protocol):
 
 
 @runtime_checkable
+class BoundsWhatMatters(Protocol):
+    """A comparator that bounds differences faster where only great bounds matter."""
+
+    def bounds_above(self, d: ArrayLike, enough: ArrayLike) -> tuple[Floats, float]:
+        """Return ``simultaneous_bounds`` of d (n, k), of which those up to ``enough`` may be loose.
+
+        A bound up to ``enough``, one number or (n,), may be any upper bound on d.e up to that. The
+        confidence is that of ``simultaneous_bounds``.
+        """
+
+
+@runtime_checkable
 class ForeseesBounds(Protocol):
     """A comparator that says what an answer would leave without being told it."""
 
@@ -101,6 +113,13 @@ OPTIONAL_PARTS = (
         "policy iteration and "
         "value iteration end BOUNDED, not CONVERGED.",
         _ALL + _PANEL,
+    ),
+    Part(
+        "BoundsWhatMatters",
+        "bounds_above(d, enough)",
+        "beside `simultaneous_bounds`: the same, but bounds up to `enough` may be any up to that",
+        "Saves time while a policy is far from proven. Without it `simultaneous_bounds` is used.",
+        ("PolytopeComparator",),
     ),
     Part(
         "ForeseesBounds",
@@ -268,18 +287,41 @@ def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, f
     """
     rows = as_differences(d, comparator.k)
     if offers(comparator, "simultaneous_bounds"):
-        found = cast(BoundsAllAtOnce, comparator).simultaneous_bounds(d)
-        high, confidence = _checked_bounds(found, type(comparator).__name__, len(rows))
-        if unordered_of(comparator) is not None:
-            return high, confidence
-        # what lies beyond the order's bounds, such as inf, says no more than these do; rounding
-        # stays as it is
-        most, rounding = (
-            order_bounds(tail_sums(rows), 0.0)[1],
-            1e-9 * np.maximum(np.abs(rows).sum(axis=1), 1.0),
+        return _within_order(
+            comparator, rows, cast(BoundsAllAtOnce, comparator).simultaneous_bounds(d)
         )
-        return np.where(high > most + rounding, most, high), confidence
     return np.minimum(bounds_of(comparator, rows)[1], order_bounds(tail_sums(rows), 0.0)[1]), np.nan
+
+
+def bounds_above(
+    comparator: Comparator, d: ArrayLike, enough: float | Floats
+) -> tuple[Floats, float]:
+    """Return ``simultaneous_bounds`` of d (n, k), of which those up to ``enough`` may be loose.
+
+    A bound up to ``enough``, one number or (n,), may be any upper bound up to that. A comparator
+    that is ``BoundsWhatMatters`` takes less time then.
+    """
+    if not offers(comparator, "bounds_above"):
+        return simultaneous_bounds(comparator, d)
+    rows = as_differences(d, comparator.k)
+    return _within_order(
+        comparator, rows, cast(BoundsWhatMatters, comparator).bounds_above(d, enough)
+    )
+
+
+def _within_order(
+    comparator: Comparator, d: Floats, found: tuple[Floats, float]
+) -> tuple[Floats, float]:
+    """Return checked bounds on d (n, k), none of which lies beyond that of the order of levels.
+
+    What lies beyond that, such as inf, says no more; rounding stays as it is.
+    """
+    high, confidence = _checked_bounds(found, type(comparator).__name__, len(d))
+    if unordered_of(comparator) is not None:
+        return high, confidence
+    most = order_bounds(tail_sums(d), 0.0)[1]
+    rounding = 1e-9 * np.maximum(np.abs(d).sum(axis=1), 1.0)
+    return np.where(high > most + rounding, most, high), confidence
 
 
 def bounds_after(

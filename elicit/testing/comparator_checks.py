@@ -1,5 +1,6 @@
 """Checks that a comparator keeps to its contract, with all optional parts that it has."""
 
+from functools import partial
 from typing import Any, cast
 
 import numpy as np
@@ -15,6 +16,7 @@ from elicit.model.comparator_parts import (
     ForeseesBounds,
     KeepsAnswers,
     PredictsAnswers,
+    bounds_above,
     draws_in,
     simultaneous_bounds,
     unordered_of,
@@ -319,8 +321,25 @@ def _check_all_at_once(comparator: Comparator, d: Floats) -> None:
         not crossed.any(),
         f"bounds that hold for all rows at once leave room for some scale, but {said}",
     )
+    if offers(comparator, "bounds_above"):
+        _check_bounds_above(comparator, d, upper)
     if offers(comparator, "bounds_after"):
         _check_bounds_after(comparator, d)
+
+
+def _check_bounds_above(comparator: Comparator, d: Floats, tight: Floats) -> None:
+    """Check against ``simultaneous_bounds`` of d (n, k), of which those below 0 may be loose."""
+    room = _TOLERANCE * np.abs(d).sum(axis=1)
+    for enough in (float(np.median(tight)), np.maximum(tight, 0.0)):
+        found, _ = _wanted(partial(bounds_above, comparator, d, enough))
+        wrong = (found < tight - room) & (tight > 0)
+        wrong |= found > np.maximum(np.maximum(tight, enough), 0.0) + room
+        j = int(np.argmax(wrong))
+        said = (
+            f"on d = {d[j]} bounds_above is {found[j]}, simultaneous_bounds {tight[j]}, and enough "
+            f"{np.broadcast_to(enough, len(d))[j]}"
+        )
+        _say(not wrong.any(), f"bounds above enough must be as tight, but {said}")
 
 
 def _check_bounds_after(comparator: Comparator, d: Floats) -> None:

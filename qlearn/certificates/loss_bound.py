@@ -33,8 +33,9 @@ from numpy.typing import ArrayLike
 from elicit._support.threads import one_thread
 from elicit.lp.hit_and_run import Draws, draws_within
 from elicit.lp.region import Region
-from elicit.model.comparator import Comparator
+from elicit.model.comparator import Comparator, offers
 from elicit.model.comparator_parts import (
+    bounds_above,
     cells_of,
     draws_in,
     simultaneous_bounds,
@@ -47,10 +48,15 @@ from elicit.model.scale import Floats
 from qlearn.certificates.advantages import ROUNDING, Advantages, advantages_over
 from qlearn.certificates.drawn_losses import loss_over_draws
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
-from qlearn.mdp.planning import policy_iteration
+from qlearn.mdp.planning import backed_up, policy_iteration
 from qlearn.mdp.warm_planning import nearly_optimal
 
-BOUNDING = Needs(used=("simultaneous_bounds", "cells", "draws", "level", "confidence"))
+_SWEEPS = 50  # largest number that may refute a bound; a full solution takes about as long
+_CLEARLY = 1e-9  # more than the rounding of all these sweeps
+
+BOUNDING = Needs(
+    used=("simultaneous_bounds", "bounds_above", "cells", "draws", "level", "confidence")
+)
 """Optional parts of a comparator that a loss is bounded by."""
 
 
@@ -118,14 +124,41 @@ def guarantee(
         confidence = stated_confidence(comparator, level)
         return Guarantee(loss_over_draws(mdp, advantages, draws, level, enough), confidence)
     cells, most, confidence = cells_of(comparator), 0.0, 1.0
+    least = -np.inf if enough is None else enough * (1 - mdp.discount)
     for cell in cells:
-        high, confidence = simultaneous_bounds(cell.scales, advantages.d)
+        high, confidence = bounds_above(cell.scales, advantages.d, least)
+        if enough is not None:
+            if _refuted(
+                mdp, advantages.only(np.flatnonzero(high > least)), high[high > least], enough
+            ):
+                return Guarantee(np.inf, confidence)
+            if offers(cell.scales, "bounds_above"):  # loose ones would prove less
+                high, confidence = simultaneous_bounds(cell.scales, advantages.d)
         most = max(most, float(collected(mdp, advantages, high).max(initial=0.0)))
         if (
             enough is not None and most > enough and len(cells) > 1
         ):  # the other cells need not be looked at
             return Guarantee(np.inf, confidence)
     return Guarantee(most, confidence)
+
+
+def _refuted(mdp: OrdinalMDP, advantages: Advantages, high: Floats, enough: float) -> bool:
+    """Return whether a policy that takes some of these actions collects more than ``enough``.
+
+    Each collects ``high`` (n,) when taken, and the policy's own action nothing. Sweeps from 0 rise
+    to the most that can be collected, and mostly a few of them tell.
+    """
+    live, total = ~mdp.terminal, np.zeros(mdp.n_states)
+    gain = np.full(mdp.levels.shape, -np.inf)
+    gain[live, advantages.policy[live]] = 0.0
+    gain[advantages.states, advantages.actions] = high
+    for _ in range(_SWEEPS):
+        before, total = total, backed_up(mdp, gain, np.zeros(mdp.n_states), total).max(axis=1)
+        most = float(total.max(initial=0.0))
+        to_come = float((total - before).max(initial=0.0)) * mdp.discount / (1 - mdp.discount)
+        if most > enough + _CLEARLY or most + to_come <= enough:
+            break
+    return most > enough + _CLEARLY
 
 
 def completed(

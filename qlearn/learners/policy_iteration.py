@@ -26,6 +26,7 @@ from elicit.comparators.panel import Panel
 from elicit.decision.verdicts import decide
 from elicit.model.comparator import Comparator, Tier, Tiers, offers
 from elicit.model.comparator_parts import (
+    bounds_above,
     people_of,
     simultaneous_bounds,
     trusted_share,
@@ -369,7 +370,7 @@ class InteractivePolicyIteration(Learner):
         wrong = wrong_of(known)
         if undecided > (TUNING.confirming if wrong else TUNING.undecided):
             return None
-        high = simultaneous_bounds(known, advantages.d)[0][rows]
+        high = bounds_above(known, advantages.d, elicitation.indifference)[0][rows]
         most = np.argsort(-high, kind="stable")[: TUNING.closed]
         limit = TUNING.close * self._enough
         cut: Floats | None

@@ -30,7 +30,7 @@ from elicit.asking.elicitation import Elicitation
 from elicit.asking.question import Pair, Place
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import Comparator
-from elicit.model.comparator_parts import lapse_of, simultaneous_bounds
+from elicit.model.comparator_parts import bounds_above, lapse_of, simultaneous_bounds
 from elicit.model.difference import tail_sums
 from elicit.model.needs import uses
 from elicit.model.scale import Floats
@@ -200,7 +200,7 @@ def worth_asking(
     Some plausible scale puts them above the limit, which is one for all or (n,), and they may be
     asked about. ``places`` gives the place at which a row is compared.
     """
-    rows = np.flatnonzero(simultaneous_bounds(elicitation.comparator, d)[0] > limit)
+    rows = np.flatnonzero(bounds_above(elicitation.comparator, d, limit)[0] > limit)
     return rows[elicitation.may_ask(d[rows], lambda i: places(int(rows[i])))]
 
 

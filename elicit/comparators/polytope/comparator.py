@@ -276,6 +276,31 @@ class PolytopeComparator:
         ), 1.0
 
     @one_thread
+    def bounds_above(self, d: ArrayLike, enough: ArrayLike) -> tuple[Floats, float]:
+        """Return ``simultaneous_bounds``, of which those up to ``enough`` may be loose.
+
+        They take less time if the last call, before the last answers, was about nearly the same
+        differences: what was closed then mostly still is.
+
+        Parameters
+        ----------
+        d : (n, k)
+        enough : float or (n,)
+            In units of e_k - e_1. A bound up to this may be any upper bound on d.e up to this.
+
+        Returns
+        -------
+        hi : (n,) in units of e_k - e_1
+        confidence : float
+            Always 1.
+        """
+        if self._cells is not None:
+            return self.simultaneous_bounds(d)
+        rows = as_differences(d, self.k)
+        limits = np.broadcast_to(np.asarray(enough, dtype=np.float64), len(rows))
+        return self._with_wider_ties.bounded(rows, limits), 1.0
+
+    @one_thread
     def bounds_after(self, asked: ArrayLike, d: ArrayLike, enough: ArrayLike) -> Floats:
         """Return about the ``simultaneous_bounds`` that each answer to each question would leave.
 

@@ -8,6 +8,7 @@ come from Clarabel, and every one is proven.
 from __future__ import annotations
 
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,17 @@ from elicit.model.scale import Floats, order_bounds
 _REMEMBERED = 1_000_000  # numbers in the differences whose bounds are kept
 
 
+class _Bounded(NamedTuple):
+    """Upper bounds ``high`` (n,) on differences d (n, k), found over this set or a larger one.
+
+    Those over this set are as tight as ``greatest`` has them where they exceed ``enough`` (n,).
+    """
+
+    d: Floats
+    high: Floats
+    enough: Floats
+
+
 class Empty(ValueError):
     """Error raised if no point satisfies the rows of ``region``.
 
@@ -62,7 +74,7 @@ class PlausibleSet:
     """
 
     _rule: Rule | None = None
-    _last: tuple[Floats, Floats] | None = None
+    _last: _Bounded | None = None
 
     def __init__(self, region: Region) -> None:
         if len(region.rows):
@@ -133,19 +145,37 @@ class PlausibleSet:
         # one step outwards: the results may have lost bits on the way back
         return np.where(t.any(axis=1), np.nextafter(low, -np.inf), 0.0)
 
-    def bounded(self, d: Floats) -> Floats:
-        """Return ``greatest`` of d (n, k), from memory if the last call was about the same d.
+    def bounded(self, d: Floats, enough: Floats | None = None) -> Floats:
+        """Return ``greatest`` of d (n, k), as far as possible from memory.
+
+        A bound up to ``enough`` (n,) may be any upper bound up to that. Default: none may be loose.
 
         A learner needs the bounds of a round's differences three times: for its proof, to see which
-        of them are open, and to choose a cut.
+        of them are open, and to choose a cut. From round to round differences change little, and
+        the set becomes smaller. So most that were closed in the last round are seen to be closed by
+        the bounds that they had and by how much they have changed.
         """
+        enough = np.full(len(d), -np.inf) if enough is None else enough
         last = self._last
-        if last is not None and last[0].shape == d.shape and (last[0] == d).all():
-            return last[1].copy()
-        high = self.greatest(d)
+        if last is None or last.d.shape != d.shape:
+            high = self.greatest(d)
+        else:
+            same = (last.d == d).all()
+            if same and (last.enough <= enough).all():
+                return last.high.copy()
+            high = self._at_most(d, last)
+            rows = np.flatnonzero(~(high <= enough))
+            high[rows] = self.greatest(d[rows])
         if d.size <= _REMEMBERED:
-            self._last = d.copy(), high.copy()
+            self._last = _Bounded(d.copy(), high.copy(), enough.copy())
         return high
+
+    def _at_most(self, d: Floats, last: _Bounded) -> Floats:
+        """Return upper bounds (n,) on d.e from those on nearly the same differences."""
+        size = np.abs(d).sum(axis=1) + np.abs(last.d).sum(axis=1)
+        change = order_bounds(tail_sums(d) - tail_sums(last.d), self.region.margin)[1]
+        bounds: Floats = last.high + change + rounding(self.region.p + 1, 4.0 * size)
+        return bounds
 
     def greatest(self, d: Floats) -> Floats:
         """Return upper bounds (n,) on d.e for valid differences d (n, k).
@@ -195,6 +225,8 @@ class PlausibleSet:
                 known, region = prune(known, region)
                 new._pruned_to = len(region.rows)
         new.region, new._known = region, known
+        if self._last is not None:  # its bounds hold, but are no longer tight
+            new._last = self._last._replace(enough=np.full(len(self._last.d), np.inf))
         return new
 
     def _holds(self, row: Floats, limit: float) -> bool:

@@ -14,6 +14,8 @@ from elicit import (
     PolytopeComparator,
     simultaneous_bounds,
 )
+from elicit.comparators.polytope import plausible_set
+from elicit.lp.support_function import greatest
 from elicit.model.comparator_parts import bounds_after, bounds_on_trial
 from tests.scale_arithmetic import tail_sums
 
@@ -100,6 +102,42 @@ def test_draws_from_a_polytope_satisfy_its_answers_and_spread(k):
         low, high = comparator.bounds(d)
         scores = tail_sums(d) @ gaps
         assert ((scores.max(axis=1) - scores.min(axis=1)) > 0.4 * (high - low)).all()
+
+
+@pytest.mark.parametrize(("k", "tie"), [(2, 0.0), (4, 0.02), (9, 0.0), (14, 0.0)])
+def test_bounds_above_a_limit_are_those_of_a_set_without_memory(k, tie, monkeypatch):
+    rng, walked = np.random.default_rng(k), []
+    monkeypatch.setattr(
+        plausible_set, "greatest", lambda d, known: walked.append(len(d)) or greatest(d, known)
+    )
+    known, answers = PolytopeComparator(k, tie=tie), truthful(rng, 2 * k, k)
+    d = differences(rng, 80, k)
+    for i in range(len(answers)):
+        before, known = known, known.update(Answers(answers.d[i : i + 1], answers.y[i : i + 1]))
+        d = 0.999 * d + 0.001 * differences(
+            rng, len(d), k
+        )  # as one policy's differ from the last's
+        d[rng.integers(len(d), size=3)] = differences(rng, 3, k)
+        enough = 0.01 if i % 2 else rng.uniform(0.005, 0.02, len(d))
+        found, confidence = known.bounds_above(d, enough)
+        fresh = PolytopeComparator(k, tie=tie).update(known.answers)
+        tight, room = fresh.simultaneous_bounds(d)[0], 1e-9
+        assert confidence == 1
+        assert (found >= np.where(tight > 0, tight, -np.inf) - room).all()
+        if i % 8 == 0:  # below 0 the others need not be tight either
+            assert (found >= fresh.bounds(d)[1] - room).all()
+        assert (found <= np.maximum(tight, enough) + room).all()
+        np.testing.assert_array_equal(known.bounds_above(d, enough)[0], found)  # now from memory
+        if i % 3 == 0:  # nor does memory make what must be tight loose, here or in an older set
+            both = np.maximum(known.simultaneous_bounds(d)[0], 0), np.maximum(tight, 0)
+            np.testing.assert_allclose(*both, atol=room)
+            old = PolytopeComparator(k, tie=tie).update(before.answers)
+            both = (x.simultaneous_bounds(d)[0].clip(0) for x in (before, old))
+            np.testing.assert_allclose(*both, atol=room)
+    walked.clear()
+    known.bounds_above(d + 1e-6 * differences(rng, len(d), k), 0.01)
+    closed = int((tight <= 0.009).sum())
+    assert sum(walked) <= len(d) - closed  # nothing that was clearly closed is looked at again
 
 
 def after(known, asked, verdict, d):

@@ -370,6 +370,10 @@ def test_bad_optional_parts_are_found_out(bad, complaint):
 
 BAD_PARTS = {
     "simultaneous_bounds": {"simultaneous_bounds": lambda self, d: None},
+    "bounds_above": {
+        "simultaneous_bounds": lambda self, d: (self.product(d), 0.9),
+        "bounds_above": lambda self, d, enough: (self.product(d) - 0.1, 0.9),
+    },
     "bounds_after": {
         "simultaneous_bounds": lambda self, d: (self.product(d), 0.9),
         "bounds_after": lambda self, asked, d, enough: np.full((len(asked), 2, len(d)), -1.0),

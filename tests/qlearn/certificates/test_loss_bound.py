@@ -138,6 +138,27 @@ def test_bounds_of_many_are_bounds_and_tight_where_they_are_positive(seed, k, ti
         assert (high[tight <= 0] <= 1e-9).all()
 
 
+@given(seed=some.integers(0, 10**6), k=some.integers(2, 8), wrong=some.sampled_from([0, 1]))
+@examples(20)
+def test_a_bound_is_left_out_only_where_it_is_more_than_enough(seed, k, wrong):
+    rng = np.random.default_rng(seed)
+    mdp, values = random_mdp(12, 3, k, 0.9, rng=seed) if seed % 2 else messy_mdp(seed, k=k)
+    d = np.diff(rng.dirichlet(np.ones(k), (8, 2)), axis=1)[:, 0]
+    answers = Answers(d, TruthfulTutor(values).signs(d))
+    known = PolytopeComparator(k, wrong=wrong)
+    policy = value_iteration(mdp, np.arange(k))[1]
+    advantages = advantages_over(mdp, policy)
+    for part in range(3):
+        exact = guarantee(mdp, advantages, PolytopeComparator(k, wrong=wrong).update(known.answers))
+        bound = exact.loss_bound
+        for enough in (0.3 * bound, bound * (1 - 1e-6), bound * (1 + 1e-6), 2 * bound):
+            found = guarantee(mdp, advantages, known, enough)
+            assert (found.loss_bound <= enough) == (bound <= enough)
+            assert found.loss_bound in (np.inf, pytest.approx(bound, abs=1e-9))
+        some_rows = slice(4 * part, 4 * part + 4)
+        known = known.update(Answers(answers.d[some_rows], answers.y[some_rows]))
+
+
 def test_bounds_that_are_not_certain_are_asked_for_all_at_once():
     asked = []
 
