@@ -5,6 +5,10 @@ law of the lapse. Expectation-maximisation fits these laws to particles of each 
 posterior. Each step weighs the particles anew by how likely they are among the kinds. So one person
 learns from the others, and an unsteady person counts little.
 
+Answers of a few people fit many laws almost equally well, and which one is found depends on the
+particles. So the fit is made ``FITS`` times, each time to other particles, and the prior is the
+mean of the fits' densities. The particles are the same whatever the comparator's seed is.
+
 The next person may be unlike everybody before. So the general prior keeps a share of the weight
 that falls with the number of people: ``NEWCOMERS / (NEWCOMERS + people)``, as in Blackwell and
 MacQueen's (1973) urn.
@@ -27,12 +31,14 @@ MOST_KINDS, PEOPLE_A_KIND = (
     3,
     12,
 )  # largest number of kinds, and the people needed for each further one
+FITS = 4  # fits, each to particles of its own, whose densities are averaged
 DEALS, FIRST_STEPS = (
-    10,
+    4,
     8,
-)  # random deals of people into kinds at the start, and steps with each deal
+)  # random deals of people into kinds at the start of a fit, and steps with each deal
 STEPS = 30  # steps of expectation-maximisation from the likeliest deal
-NEWTON = 40  # Newton steps of a fit of a Dirichlet law
+NEWTON = 40  # greatest number of Newton steps of a fit of a Dirichlet law
+CONVERGED = 1e-12  # relative changes of its parameters below this are rounding
 DIGITS = 4  # digits of fitted parameters: processors differ in the last of sixteen
 LEAST_SD = 0.1  # least standard deviation of log c within a kind
 _LEAST_LAPSE = 1e-4
@@ -62,7 +68,7 @@ class EarlierPeople(NamedTuple):
     """The prior knowledge about the next person, from earlier people's answers.
 
     ``people`` is their number, ``answers`` the number of their answers, and ``kinds`` the kinds
-    that they belong to.
+    that they belong to, by one of the fits or another.
     """
 
     people: int
@@ -148,6 +154,14 @@ def learned_from(
     return EarlierPeople(n, answers, tuple(_rounded(kind) for kind in kinds))
 
 
+def averaged(fits: list[EarlierPeople]) -> EarlierPeople:
+    """Return the prior whose density is the mean of those of some fits to the same people."""
+    kinds = tuple(
+        kind._replace(share=_short(kind.share / len(fits))) for fit in fits for kind in fit.kinds
+    )
+    return fits[0]._replace(kinds=kinds)
+
+
 def _maximised(
     pooled: OwnParticles,
     before: Floats,
@@ -224,7 +238,9 @@ def dirichlet_fit(mean_logs: Floats) -> Floats:
         curve, common = -polygamma(1, a), polygamma(1, a.sum())
         shared = (slope / curve).sum() / (1.0 / common + (1.0 / curve).sum())
         step = (slope - shared) / curve
-        a = np.where(a > step, a - step, a / 2.0)
+        before, a = a, np.where(a > step, a - step, a / 2.0)
+        if (np.abs(a - before) <= CONVERGED * before).all():
+            break
     return np.asarray(a)
 
 
