@@ -329,9 +329,9 @@ def _check_all_at_once(comparator: Comparator, d: Floats) -> None:
 
 def _check_bounds_above(comparator: Comparator, d: Floats, tight: Floats) -> None:
     """Check against ``simultaneous_bounds`` of d (n, k), of which those below 0 may be loose."""
-    room = _TOLERANCE * np.abs(d).sum(axis=1)
+    room = TOLERANCE * np.abs(d).sum(axis=1)
     for enough in (float(np.median(tight)), np.maximum(tight, 0.0)):
-        found, _ = _wanted(partial(bounds_above, comparator, d, enough))
+        found, _ = wanted(partial(bounds_above, comparator, d, enough))
         wrong = (found < tight - room) & (tight > 0)
         wrong |= found > np.maximum(np.maximum(tight, enough), 0.0) + room
         j = int(np.argmax(wrong))
@@ -339,7 +339,7 @@ def _check_bounds_above(comparator: Comparator, d: Floats, tight: Floats) -> Non
             f"on d = {d[j]} bounds_above is {found[j]}, simultaneous_bounds {tight[j]}, and enough "
             f"{np.broadcast_to(enough, len(d))[j]}"
         )
-        _say(not wrong.any(), f"bounds above enough must be as tight, but {said}")
+        demand(not wrong.any(), f"bounds above enough must be as tight, but {said}")
 
 
 def _check_bounds_after(comparator: Comparator, d: Floats) -> None:

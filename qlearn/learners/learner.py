@@ -82,7 +82,11 @@ def check_problem(mdp: OrdinalMDP, comparator: Comparator) -> None:
         )
 
 
-_MANY_EQUAL = 5  # fewer answers "equal" say nothing about the tutor
+_MANY_EQUAL = 3
+"""Fewer answers "equal" say nothing about the tutor. With 5 in place of 3, four of eight runs whose
+bound was violated would not have warned: 5 levels, a tutor who calls equal what lies within 5% or
+10% of the value range, 36 random MDPs each.
+"""
 _SHARE_OF_EQUAL = 0.3
 """The share of answers "equal" from which on a result warns. Above it a bound of 95% held in
 68% of runs with simulated persons, below it in 98% (benchmarks/RESULTS-promise.md).

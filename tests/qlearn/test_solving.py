@@ -208,6 +208,14 @@ def test_a_result_warns_where_many_answers_are_equal(tie: float, meant: str) -> 
     assert exact.tie_warning == ""
 
 
+@pytest.mark.parametrize(("asked", "warned"), [(2, False), (3, True)])
+def test_a_result_of_few_answers_warns_from_three_equal_ones_on(asked: int, warned: bool) -> None:
+    comparator = PosteriorComparator(4, seed=0)
+    result = solve(MDP, lambda _: 0, comparator, tolerance=0.001, seed=0, max_queries=asked)
+    assert (result.answers.y == 0).sum() == asked
+    assert bool(result.tie_warning) == warned
+
+
 def test_a_tutor_may_return_the_sign_of_a_float() -> None:
     mdp, _ = qlearn.random_mdp(6, 2, len(VALUES), seed=3)
     whole = qlearn.solve(mdp, lambda query: int(np.sign(query.d @ VALUES)), "polytope", seed=0)

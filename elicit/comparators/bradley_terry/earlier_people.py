@@ -5,6 +5,10 @@ law of the lapse. Expectation-maximisation fits these laws to particles of each 
 posterior. Each step weighs the particles anew by how likely they are among the kinds. So one person
 learns from the others, and an unsteady person counts little.
 
+Answers of a few people fit many laws almost equally well, and which one is found depends on the
+particles. So the fit is made ``FITS`` times, each time to other particles, and the prior is the
+mean of the fits' densities. The particles are the same whatever the comparator's seed is.
+
 The next person may be unlike everybody before. So the general prior keeps a share of the weight
 that falls with the number of people: ``NEWCOMERS / (NEWCOMERS + people)``, as in Blackwell and
 MacQueen's (1973) urn.
@@ -28,12 +32,14 @@ MOST_KINDS, PEOPLE_A_KIND = (
     3,
     12,
 )  # largest number of kinds, and the people needed for each further one
+FITS = 4  # fits, each to particles of its own, whose densities are averaged
 DEALS, FIRST_STEPS = (
-    10,
+    4,
     8,
-)  # random deals of people into kinds at the start, and steps with each deal
+)  # random deals of people into kinds at the start of a fit, and steps with each deal
 STEPS = 30  # steps of expectation-maximisation from the likeliest deal
-NEWTON = 40  # Newton steps of a fit of a Dirichlet law
+NEWTON = 40  # greatest number of Newton steps of a fit of a Dirichlet law
+CONVERGED = 1e-12  # relative changes of its parameters below this are rounding
 DIGITS = 4  # digits of fitted parameters: processors differ in the last of sixteen
 LEAST_SD = 0.1  # least standard deviation of log c within a kind
 _LEAST_LAPSE = 1e-4
@@ -74,7 +80,7 @@ class EarlierPeople(NamedTuple):
     """The prior knowledge about the next person, from earlier people's answers.
 
     ``people`` is their number, ``answers`` the number of their answers, and ``kinds`` the kinds
-    that they belong to.
+    that they belong to, by one of the fits or another.
     """
 
     people: int
@@ -160,6 +166,14 @@ def learned_from(
     return EarlierPeople(n, answers, tuple(_rounded(kind) for kind in kinds))
 
 
+def averaged(fits: list[EarlierPeople]) -> EarlierPeople:
+    """Return the prior whose density is the mean of those of some fits to the same people."""
+    kinds = tuple(
+        kind._replace(share=_short(kind.share / len(fits))) for fit in fits for kind in fit.kinds
+    )
+    return fits[0]._replace(kinds=kinds)
+
+
 def _maximised(
     pooled: OwnParticles,
     before: Floats,
@@ -236,7 +250,9 @@ def dirichlet_fit(mean_logs: Floats) -> Floats:
         curve, common = -polygamma(1, a), polygamma(1, a.sum())
         shared = (slope / curve).sum() / (1.0 / common + (1.0 / curve).sum())
         step = (slope - shared) / curve
-        a = np.where(a > step, a - step, a / 2.0)
+        before, a = a, np.where(a > step, a - step, a / 2.0)
+        if (np.abs(a - before) <= CONVERGED * before).all():
+            break
     return np.asarray(a)
 
 
@@ -300,8 +316,7 @@ def answers_of_each(people: Logs, k: int) -> list[Answers]:
         raise TypeError(f"{wanted}, not {people!r}")
     by_name = people if isinstance(people, Mapping) else dict(enumerate(people))
     found = []
-    for name in sorted(by_name, key=str):  # the result must not depend on a dict's order
-        log = by_name[name]
+    for name, log in by_name.items():
         if not isinstance(log, Answers) and not callable(getattr(log, "answers", None)):
             raise TypeError(f"{wanted}, but that of {name!r} is {log!r}")
         answers = log if isinstance(log, Answers) else cast(HasAnswers, log).answers()
@@ -316,6 +331,5 @@ def answers_of_each(people: Logs, k: int) -> list[Answers]:
                 f"{', '.join(map(repr, whose))}: give those of each (Answers.of_person)"
             )
         found.append(answers)
-    if not isinstance(people, Mapping):  # nor on the order of a list
-        found.sort(key=lambda one: (one.d.tobytes(), one.y.tobytes()))
-    return found
+    # what is learned must depend neither on the order of people nor on their names
+    return sorted(found, key=lambda one: (one.d.tobytes(), one.y.tobytes()))

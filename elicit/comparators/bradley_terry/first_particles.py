@@ -125,8 +125,8 @@ def first_particles(
     x = without_last_bits(np.concatenate([x, *slips], axis=1))
     if inequalities is None:
         return np.ascontiguousarray(x)
-    # the law of earlier people has no width: only columns that it knows are moved
-    moved = x.shape[1] - (like is not None and prior.tie > 0)
+    # a lapse moves with the scale only where earlier people tell of both; a width never does
+    moved = p if like is None else x.shape[1] - (prior.tie > 0)
     inside = _within(np.ascontiguousarray(x[:, :moved]), key, prior, inequalities)
     return np.ascontiguousarray(np.concatenate([inside, x[:, moved:]], axis=1))
 

@@ -31,10 +31,12 @@ from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, is_range, is_whole, require
 from elicit.comparators.bradley_terry.density import ParticlePrior
 from elicit.comparators.bradley_terry.earlier_people import (
+    FITS,
     EarlierPeople,
     Logs,
     OwnParticles,
     answers_of_each,
+    averaged,
     learned_from,
 )
 from elicit.comparators.bradley_terry.first_particles import (
@@ -141,9 +143,9 @@ class PosteriorComparator:
         One ``AnswerLog`` or ``Answers`` for each person, in a list or in a dict by name. Scales,
         precisions and lapses that were common among them are then likelier a priori. The general
         prior keeps the weight of four people, because the next person may be like none of them.
-        Learning it takes about as long as learning all their answers. The ``like`` of another
-        comparator of this k is taken as it is. With few people the result depends a little on their
-        order and on the seed.
+        Learning it takes several times as long as learning all their answers. The ``like`` of
+        another comparator of this k is taken as it is. It depends neither on the order and the
+        names of the people nor on the seed.
     **options
         ``particles``, ``shape`` and ``raters``: see ``ParticleOptions``.
 
@@ -231,13 +233,18 @@ class PosteriorComparator:
             told = [answers for answers in answers_of_each(people, self.k) if len(answers)]
             if not told:
                 return
-            found = learned_from(
-                [self._own_particles(i, answers) for i, answers in enumerate(told)],
-                sum(map(len, told)),
-                self._general,
-                self.shape[0],
-                self.given_lapse is None,
-                int(fold(self._key, _PEOPLE)),
+            found = averaged(
+                [
+                    learned_from(
+                        [self._own_particles((fit, i), own) for i, own in enumerate(told)],
+                        sum(map(len, told)),
+                        self._general,
+                        self.shape[0],
+                        self.given_lapse is None,
+                        fit,
+                    )
+                    for fit in range(FITS)
+                ]
             )
         general = math.log(found.newcomer) - math.log(2.0) - math.log(PRECISION[1])
         if self.given_lapse is None:
@@ -246,10 +253,14 @@ class PosteriorComparator:
         self.like, self._prior = found, self._prior._replace(general=general, kinds=kinds)
         self._forget()
 
-    def _own_particles(self, number: int, answers: Answers) -> OwnParticles:
-        """Return an earlier person's posterior from their answers, under the general prior."""
+    def _own_particles(self, number: tuple[int, int], answers: Answers) -> OwnParticles:
+        """Return an earlier person's posterior from their answers, under the general prior.
+
+        The particles depend on ``number``, that of the fit and of the person, but not on the
+        comparator's seed: what earlier people tell must not.
+        """
         own = copy.copy(self)
-        own._key = np.uint64(fold(self._key, _PEOPLE, number))
+        own._key = np.uint64(fold(np.uint64(_PEOPLE), *number))
         own._forget()
         own = own.update(answers)
         x = own._x[:, : self.k - 1]

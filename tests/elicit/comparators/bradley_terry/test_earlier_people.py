@@ -23,7 +23,7 @@ from elicit.comparators.bradley_terry.earlier_people import (
 from elicit.comparators.bradley_terry.first_particles import LAPSE, PRECISION
 from elicit.testing import check_comparator, sample_differences
 from tests.noisy_cases import pairs
-from tests.thoroughness import scaled, thorough
+from tests.thoroughness import scaled
 
 TWO_KINDS = EarlierPeople(
     6,
@@ -201,15 +201,28 @@ def test_it_is_one_comparator_like_any_other() -> None:
     assert (passed_on.draws.gaps == first.draws.gaps).all()
 
 
-def test_what_is_learned_does_not_depend_on_the_order_of_people() -> None:
-    by_name = dict(zip("abcdefghijklmn", alike(14, n=6), strict=True))
+def test_what_is_learned_depends_neither_on_order_nor_names_nor_seed() -> None:
+    logs = alike(3, n=6)
+    by_name = dict(zip("abc", logs, strict=True))
+    renamed = dict(zip("cab", logs, strict=True))
     turned = dict(reversed(by_name.items()))
-    first, second = (PosteriorComparator(5, like=logs, particles=100) for logs in (by_name, turned))
-    assert first.like == second.like
-    if thorough():  # without names
-        in_lists = [[*by_name.values()], [*turned.values()]]
-        first, second = (PosteriorComparator(5, like=logs, particles=100) for logs in in_lists)
-        assert first.like == second.like
+    first = PosteriorComparator(5, like=by_name, particles=100)
+    for like in (turned, renamed, logs, logs[::-1]):
+        assert PosteriorComparator(5, like=like, particles=100).like == first.like
+    other = PosteriorComparator(5, like=by_name, particles=100, seed=1)
+    assert other.like == first.like
+    assert not (other.draws.gaps == first.draws.gaps).all()
+
+
+def test_several_fits_are_averaged() -> None:
+    fits = [
+        EarlierPeople(6, 300, TWO_KINDS.kinds),
+        EarlierPeople(6, 300, TWO_KINDS.kinds[:1]),
+    ]
+    found = earlier_people.averaged(fits)
+    assert (found.people, found.answers) == (6, 300)
+    assert [kind.share for kind in found.kinds] == [0.125, 0.375, 0.125]
+    assert [kind[1:] for kind in found.kinds] == [TWO_KINDS.kinds[i][1:] for i in (0, 1, 0)]
 
 
 def test_of_several_deals_of_people_into_kinds_the_likeliest_fit_is_taken(
@@ -226,11 +239,14 @@ def test_of_several_deals_of_people_into_kinds_the_likeliest_fit_is_taken(
     monkeypatch.setattr(earlier_people, "_maximised", watched)
     like = PosteriorComparator(5, like=alike(14, n=12), particles=200).like
     assert like is not None
-    assert len(like.kinds) == 2
-    begun = [found for found, steps in reached if steps == earlier_people.FIRST_STEPS]
-    (last,) = (found for found, steps in reached if steps == earlier_people.STEPS)
-    assert len(begun) == earlier_people.DEALS
-    assert last >= max(begun) - 1e-3  # expectation-maximisation goes up
+    assert len(like.kinds) == 2 * earlier_people.FITS
+    runs = earlier_people.DEALS + 1
+    assert len(reached) == runs * earlier_people.FITS
+    for i in range(0, len(reached), runs):
+        *begun, (last, steps) = reached[i : i + runs]
+        assert {steps for _, steps in begun} == {earlier_people.FIRST_STEPS}
+        assert steps == earlier_people.STEPS
+        assert last >= max(found for found, _ in begun) - 1e-3  # expectation-maximisation goes up
 
 
 def test_nobody_before_is_the_general_prior() -> None:
