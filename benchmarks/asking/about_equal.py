@@ -49,30 +49,34 @@ HEAD = (
 
 INTRODUCTION = """# About equal
 
-A person says "equal" when two things are close. Each of our comparators has a `tie`: the largest |d.e|, as a share of
-the value range e_k - e_1, that the tutor may call equal. It is .01 by default, and 0 for a tutor known to be exact:
+This page is for readers whose tutor may say "equal". It says what such an answer teaches, what is still promised, and how many
+questions it costs. A person says "equal" when two things are close. Each of our comparators has a `tie`: the largest |d.e|, as a share of
+the value range e_k - e_1, that the tutor may call equal. It is .01 by default. Set it to 0 for a tutor known to be exact:
 then "equal" means equal, to one part in 10^9.
 
-- **What an answer "equal" teaches.** The polytope cuts |d.e| <= tie. The relaxed polytope counts as violated what
-  exceeds it. The Bradley-Terry fit and the posterior take the law of Rao and Kupper (1967), P(left is better) =
-  sigma(c (d.e - w)) and P(right is better) = sigma(-c (d.e + w)), in the fit with w = tie, in the posterior with w
-  learned between 0 and twice the tie. A tutor who has called nothing equal is taken as sharp: until the first "equal"
-  every comparator is to the last digit what it is with tie = 0, and asks not one question more.
-- **What it settles.** A pair called equal is not asked again; a learner keeps the action that it has. What that
-  may lose is in `Result.loss_bound`, for it is bounded over all scales that the answers allow.
-- **When asking ends.** Where |d.e| <= 2 ties is certain, "equal" would teach next to nothing. After five such
-  answers in a row the tutor is asked about no more pairs of that kind. A learner that can get no further so ends
+- **What an answer "equal" teaches.** The polytope keeps only the scales with |d.e| <= tie. The relaxed polytope counts the part of |d.e|
+  above the tie as a violation. The Bradley-Terry fit and the posterior use the law of Rao and Kupper (1967): P(left is better) =
+  sigma(c (d.e - w)) and P(right is better) = sigma(-c (d.e + w)). In the fit w is the tie. The posterior learns w, between 0 and
+  twice the tie. A tutor who has called nothing equal is taken to be exact: until the first "equal"
+  every comparator gives the same numbers as with tie = 0, to the last digit, and asks no more questions.
+- **What it decides.** A pair called equal is not asked again, and a learner keeps the action that it has. `Result.loss_bound`
+  includes what that may lose, because it bounds the loss over all scales that the answers allow.
+- **When asking ends.** If |d.e| <= 2 ties is certain for a pair, the answer "equal" would teach almost nothing. After five "equal" to such
+  pairs in a row the tutor is asked about no more of them. A learner that then has nothing else to ask ends
   with the status `CALLED_EQUAL`, and `loss_bound` says what is left open.
 - **What is promised.** Nobody knows their own tie. Guarantees of confidence 1 (`simultaneous_bounds`) therefore
-  allow for twice the `tie` that the comparator was told; verdicts and `bounds` go by the tie itself. Where a
-  person's "equal" may reach farther than that, give a larger `tie`: no comparator can tell.
-- **What the likelihoods promise.** The posterior's 95% is a promise on average over its prior, by which the width
-  lies anywhere up to twice the tie and answers tie by Rao and Kupper's law: where a tutor's "equal" reaches that
-  far, policy iteration keeps it less often, as the table shows. Resamples of a Bradley-Terry fit all have the same
-  answers "equal" and say nothing of what these leave open: their guarantees then come with a confidence of nan.
+  allow for twice the `tie` that the comparator was given. Verdicts and `bounds` use the tie itself. If a
+  person's "equal" may reach farther than that, give a larger `tie`, because no comparator can notice. With a tutor whose
+  "equal" reaches beyond two ties, the 95% of the posterior does not hold: with simulated persons who called three in ten pairs or more
+  equal, [68% of the bounds held](../benchmarks/RESULTS-promise.md) (47 to 85%, 25 runs). `print(result)` therefore
+  warns if that many answers are "equal" (`Result.tie_warning`).
+- **What the likelihoods promise.** The posterior's 95% is a promise on average over its prior. In the prior the width w
+  lies anywhere up to twice the tie, and answers are "equal" by Rao and Kupper's law. If a tutor's "equal" reaches as far as twice the tie,
+  the bound of policy iteration holds less often, as the table shows. The resamples of a Bradley-Terry fit all have the same
+  answers "equal", and so do not show what these leave open. The fit's guarantees then have a confidence of nan.
 
-Simple bags (`bags=`) tell apart what single steps of a model cannot: the differences that are left open between
-two actions are often smaller than any tie.
+Questions about simple bags (`bags=`) can tell apart what questions about single actions cannot: the differences that are left open
+between two actions are often smaller than any tie.
 """  # noqa: E501
 
 
@@ -126,14 +130,12 @@ def report(problems: int) -> Iterator[list[str]]:
         f"docs/about-equal.md`. {machine()}",
         "",
         f"Seeds 0 to {problems - 1} for each of k = {', '.join(map(str, LEVELS))}; |S| = 100, |A| "
-        "= 5; at most "
-        f"{MOST} questions. The tutor is right, but calls equal what lies within the third column "
-        "(0: never). "
-        "Mean questions, and answers equal among them, with 95% t-intervals; *bound*: the median "
-        "`loss_bound`, a share "
-        "of the value range; *loss*: the greatest true loss at the worst state; *broken*: runs "
-        "whose true loss exceeds "
-        "their bound, of confidence 1 with the polytope and of 95% with the posterior.",
+        f"= 5; at most {MOST} questions. The tutor never errs, but calls two sides equal if they "
+        "differ by no more than the third column (0: never). *Questions* and *of them equal* are "
+        "means with 95% t-intervals, and *most* is the largest number of questions. *Bound* is the "
+        "median `loss_bound`, and *loss* the greatest true loss at the worst state, both as shares "
+        "of the value range. *Broken* counts the runs whose true loss exceeds their bound. The "
+        "bounds have confidence 1 with the polytope and 95% with the posterior.",
         "",
     ]
     for comparator in COMPARATORS:

@@ -36,31 +36,32 @@ MATTERS = 0.1  # of the default's % of all: what is certainly less than that cou
 HEAD = """\
 # What the paper leaves open, and what it does
 
-The paper's comparator (Bradley-Terry, box) in interactive Q-learning on random MDPs with {states} states, 5 actions and
-{levels} levels, {steps:,} steps. The first line is the default of `qlearn figures`; every other line
-changes one choice and gives the **difference** from it, paired by seed, with its 95% t-interval. Each line has
+This page is for readers of the paper. It shows how much each choice that the paper does not state changes the number of questions and the
+loss. The paper's comparator (Bradley-Terry, box) runs in interactive Q-learning on random MDPs with {states} states, 5 actions and
+{levels} levels, {steps:,} steps. The first line is the default of `qlearn figures`. Every other line
+changes one choice and gives the **difference** from the default, paired by seed, with its 95% t-interval. Each line has
 {seeds} seeds{more}.
 Written by `python -m benchmarks.paper.assumptions --steps {steps} --seeds {seeds} --most {most}`.
 
-- **% of all**, **% of open**: questions in percent of all comparisons of two different actions, and of those that
-  dominance, where it is looked for, leaves open.
-- **asks**: what that interval tells of % of all: "more", "less", "as much" where the change is certainly no greater
-  than a tenth of the default's, else "inconclusive".
-- **formula**: figure 4's percentage, signed as printed, against always asking a truthful tutor with the same settings.
-- **excess loss**: true policy loss beyond that oracle's; **oracle's loss**: its own; in percent of the value range.
-- **errors realised**: wrong answers in percent of the answers given (empty where the tutor never errs, or where nothing
-  was asked in some run).
+- **% of all**, **% of open**: questions in percent of all comparisons of two different actions, and in percent of those that
+  dominance leaves open (if it is looked for).
+- **asks**: the conclusion from the interval of % of all. "More" or "less": the interval excludes 0. "As much": the interval contains 0,
+  and all of it is within a tenth of the default's percentage. Otherwise "inconclusive".
+- **formula**: figure 4's percentage, signed as printed, against an oracle that always asks a truthful tutor with the same settings.
+- **excess loss**: true policy loss less that oracle's. **oracle's loss**: its own. Both are in percent of the value range.
+- **errors realised**: wrong answers in percent of the answers given. It is empty if the tutor never errs, or if nothing was asked in
+  some run.
 """  # noqa: E501
 MORE = """\
-; where these do not tell whether more is asked it has {most}, and is held to all of them (a second look,
-so that such intervals miss a little more often than one in twenty)"""  # noqa: E501
+. If these do not tell whether more is asked, the line has {most}, all of which count. This second look makes
+such intervals miss a little more often than one in twenty"""  # noqa: E501
 ETA = """\
 ## Eta, the least difference of two neighbouring levels
 
-The comparator of section 3.1 (the polytope K_t) with a tutor who never errs, {seeds} seeds; the first line is the
-default, the others give the difference from it. Hidden values are distinct integers of 0 to 99, so that no gap
-is below 1/99 = .0101 of the range: a greater eta may exclude the truth, and answers that then fit no scale of K_t
-settle their own pair only. The Bradley-Terry comparator knows no eta: its fits allow levels that are worth the same.
+These lines have the comparator of section 3.1 (the polytope K_t) with a tutor who never errs, and {seeds} seeds. The first line is the
+default, and the others give the difference from it. Hidden values are distinct integers of 0 to 99, so that no gap
+is below 1/99 = .0101 of the range. A greater eta may exclude the truth. An answer that then fits no scale of K_t decides only its own
+pair. The Bradley-Terry comparator has no eta: its fits allow levels of equal value.
 """  # noqa: E501
 
 

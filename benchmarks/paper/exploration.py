@@ -38,19 +38,20 @@ CHOICES: Mapping[str, Exploration] = MappingProxyType(
 HEAD = """\
 # Exploration
 
-Q-learning for {steps:,} steps with a tutor who is always asked and never errs, so that nothing but exploration and
-learning is measured; the default learning rate; {seeds} seeds, each with its own MDP, hidden values and random numbers.
-Written by `python -m benchmarks.paper.exploration`.
+This page is for readers who choose how Q-learning explores. It has the loss of Q-learning after {steps:,} steps for each way of
+exploring. The tutor is always asked and never errs, so that only exploration and learning are measured. The learning rate is the default.
+There are {seeds} seeds, each with its own MDP, hidden values and random numbers. Written by `python -m benchmarks.paper.exploration`.
 
-The default of `InteractiveQLearning` is "optimistic", chosen from the six tables of the full setting: of the choices
-that have a name it is the best, or within the intervals of the best, in five of them; in deep-sea-treasure, whose ends
-are many steps apart, uniform exploration loses less.
+The default of `InteractiveQLearning` is "optimistic". It was chosen from the six tables of the full setting. Of the five ways that
+`epsilon=` takes by name ("constant", "decaying", "restarts", "optimistic", "uniform") it is the best, or within the intervals of the
+best, in five tables. The sixth is deep-sea-treasure, where episodes may end many steps apart: there uniform exploration loses less.
 
 - **loss**: true policy loss, mean over the states, in percent of the value range; ± half the width of the 95%
   t-interval over the seeds. **at the start**: the same at the initial distribution.
-- **questions**: what the polytope asks in the same runs. Its policies were those of always asking in every one, as they
-  must be (but for the start at zero, whose early questions are ill-posed). Not measured where it takes long (in
-  deep-sea-treasure slowly learned near ties are asked about ever more finely: there an indifference belongs).
+- **questions**: the number of questions that the polytope comparator asks in the same runs. It ended with the same policy as
+  always asking in every run, as it must. (The start at zero is an exception: its early questions are ill-posed.) The column is empty
+  where the runs take long. In deep-sea-treasure many pairs are nearly equal and learned slowly, so that ever finer questions are asked:
+  use an `indifference` there.
 """  # noqa: E501
 
 

@@ -52,41 +52,46 @@ LITERAL = Choice(
 HEAD = """\
 # The paper read literally
 
-Interactive Q-learning as the paper's algorithms have it, beside the default of `qlearn figures`; then with each thing
-that these do not have put back, one at a time. Random MDPs with 5 actions, a tutor who errs as in (6) in 10% of an
-optimal policy's open comparisons, m = 50, level .95, uniform exploration; {seeds} seeds, each with the same MDP,
-hidden values, transitions and actions in all lines. Written by
+This page is for readers of the paper. It runs interactive Q-learning exactly as the paper's algorithms have it, beside the default of
+`qlearn figures`. Then it puts back, one at a time, each thing that the algorithms do not have. The problems are random MDPs with 5
+actions. The tutor errs by eq. (6), with a precision at which 10% of an optimal policy's open comparisons would be answered wrongly. The
+fit has m = 50 resamples and the level .95; exploration is uniform. There are {seeds} seeds, each with the same MDP, hidden values,
+transitions and actions in all lines. Written by
 `python -m benchmarks.paper.literal --seeds {seeds} --steps {steps} --longer {longer}`.
 
-**Literally** means: no comparison is settled by dominance; (7) is maximised in e_1, ..., e_k, all of them free, with no
-prior and no order of the levels; the fit and its m bootstrap fits are made anew at every answer; from the first answer
-on the tutor is asked where the intervals of 3.2 leave 1/2 inside, and nowhere else; all vectors start at zero (line 4),
-and the tutor compares the values as they were drawn, from 0 to 99.
+**Literally** means:
 
-**What the text leaves undefined, and what was done:**
+- No comparison is decided by dominance.
+- (7) is maximised in e_1, ..., e_k, all of them free, with no prior and no order of the levels.
+- The fit and its m bootstrap fits are made again at every answer.
+- From the first answer on, the tutor is asked if the interval of section 3.2 contains 1/2, and not otherwise.
+- All vectors start at zero (line 4), and the tutor compares the values as they were drawn, from 0 to 99.
 
-- *Dominance.* Section 2.2 says that dominated vectors are eliminated, Algorithms 1 and 2 have no line that does so. The
-  literal reading is that of the algorithms; *dominance first* is that of section 2.2.
-- *A fit without a maximum.* Where some scale explains all answers without error (always at first, and for ever with a
-  tutor who never errs), or no answer has touched a level, (7) has no maximum. Such a fit is no estimate: a bootstrap
-  fit without a maximum may lie anywhere and counts as one beyond either end of every interval; where there are more of
-  them than the intervals leave out (1 of 50), or the answers themselves have no maximum, the tutor is asked.
-  The line *taken where it stops* does the opposite: Newton's method starts at equal gaps, stops where a step promises
-  less than 1e-12 or after 100 steps, and where it stops is the estimate.
-- *e_k at or below zero.* Where the fit puts it there the tutor is asked, for it is the unit of everything.
+**Where the text leaves a step undefined, this was done:**
+
+- *Dominance.* Section 2.2 says that dominated vectors are eliminated, but Algorithms 1 and 2 have no line that does so. The
+  literal reading is that of the algorithms. The line *dominance first* is that of section 2.2.
+- *A fit without a maximum.* If some scale explains all answers without error, or if no answer has touched a level, (7) has no maximum.
+  The first is always so at the start, and for ever with a tutor who never errs. Such a fit is no estimate. A bootstrap fit without a
+  maximum may lie anywhere, and counts as one beyond either end of every interval. If there are more such fits than the intervals leave
+  out (1 of 50), or if the answers themselves have no maximum, the tutor is asked.
+  The line *taken where it stops* does the opposite. Newton's method starts at equal gaps, and stops where a step promises
+  less than 1e-12 or after 100 steps; the point where it stops is the estimate.
+- *e_k at or below zero.* All values are measured in units of e_k. If the fit puts it at or below zero, the tutor is asked.
 - *The same vectors again.* An action is not compared with itself, equal vectors keep the best action so far, and a pair
   that was asked is not asked again.
-- *The start.* With all vectors starting on the worst level totals are equal, and e_1 is of no consequence (it is 0): so
-  *the worst level as the start* puts back both. *e_1 = 0* alone, from zeros, measures the hidden values from the worst.
-- *Not said:* learning rate, epsilon, the law of the transitions, as in [assumptions](assumptions.md).
+- *The start.* If all vectors start on the worst level, their totals are equal, and e_1 does not matter (it is set to 0). So the line
+  *the worst level as the start* puts back both. The line *e_1 = 0* puts back e_1 alone, with the start at zero: hidden values are
+  measured from the worst.
+- *Not said:* learning rate, epsilon, the law of the transitions. They are as in [assumptions](assumptions.md).
 
-The first line of each table is the default. The second is the literal reading, as the **difference** from the default;
-every other line is the **difference** from the literal reading; both are paired by seed, ± half the width of a 95%
+The first line of each table is the default. The second is the literal reading, as the **difference** from the default.
+Every other line is the **difference** from the literal reading. Differences are paired by seed, ± half the width of a 95%
 t-interval.
 
 - **% of all**: questions in percent of all comparisons of two different actions.
-- **excess loss**: true policy loss, beyond that of always asking a truthful tutor from the same start, in percent of
-  the value range; **formula**: figure 4's percentage, signed as printed, against the same.
+- **excess loss**: true policy loss, less that of always asking a truthful tutor from the same start, in percent of
+  the value range. **formula**: figure 4's percentage, signed as printed, against the same oracle.
 - **errors realised**: wrong answers in percent of the answers given. **CPU seconds**: of the run, in one thread.
 """  # noqa: E501
 PLACES = ((50, 5), (50, 10), (100, 5), (100, 10))  # states and levels
@@ -95,12 +100,14 @@ AT_EVERY_ANSWER = ("default", "literal, less the default", "fits at 20% more ans
 EXACT = """\
 ## A fit at every answer
 
-That costs the square of the number of answers: so few steps, and nothing else is put back.
+The time of a run grows with the square of the number of answers. So there are few steps, and
+nothing else is put back.
 """
 LONGER = """\
 ## Fits at every 20% more answers
 
-As the default has them, in all lines, so that the literal reading can be run for longer.
+All lines make a new fit only at every 20% more answers, as the default does. So the literal
+reading can be run for longer.
 """
 
 
