@@ -69,7 +69,7 @@ then "equal" means equal, to one part in 10^9.
   person's "equal" may reach farther than that, give a larger `tie`, because no comparator can notice. With a tutor whose
   "equal" reaches beyond two ties, the 95% of the posterior does not hold: with simulated persons who called three in ten pairs or more
   equal, [68% of the bounds held](../benchmarks/RESULTS-promise.md) (47 to 85%, 25 runs). `print(result)` therefore
-  warns if that many answers are "equal" (`Result.tie_warning`).
+  warns if that many answers are "equal", and at least three (`Result.tie_warning`).
 - **What the likelihoods promise.** The posterior's 95% is a promise on average over its prior. In the prior the width w
   lies anywhere up to twice the tie, and answers are "equal" by Rao and Kupper's law. If a tutor's "equal" reaches as far as twice the tie,
   the bound of policy iteration holds less often, as the table shows. The resamples of a Bradley-Terry fit all have the same
