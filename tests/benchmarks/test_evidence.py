@@ -150,7 +150,7 @@ def unasked(text: str) -> Iterator[str | Cells]:
 def asked_together(text: str) -> Iterator[str | Cells]:
     count = int(re.search(r"Seeds 0 to (\d+)", text)[1]) + 1
     key = panel.SMALL, "independent", "never"
-    found = panel.runs(*key, range(panel.seeds_of(panel.SMALL, count)))
+    found = panel.runs(*key, range(count))
     yield [*panel.described(*key, found)]
 
 
