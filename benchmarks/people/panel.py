@@ -1,11 +1,14 @@
 """Five experts asked as a panel: is the bound for their mean held, and how many questions is that?
 
     python -m benchmarks.people.panel --out benchmarks/RESULTS-panel.md     about half an hour
-    python -m benchmarks.people.panel --problems 2                          rough figures
+    python -m benchmarks.people.panel --runs 2                              rough figures
 
 Random MDPs and three families of problems where asking matters. Each expert has a scale of their
 own, and policy iteration asks until the policy is within the tolerance for the mean of the scales.
 Beside it stands what the same learner asks one of them, for the policy that is best for that one.
+
+The problems are small, so that a bound can be checked in hundreds of runs: what a question costs
+grows with the number of states, and most of the time went into interviews of one expert alone.
 """
 
 from __future__ import annotations
@@ -37,24 +40,39 @@ from qlearn.problems.hidden_scales import hidden_scales
 from qlearn.problems.random_mdp import random_mdp
 
 PEOPLE = ("ann", "ben", "chen", "dora", "eve")
-TOLERANCE = 0.01
-MOST = 300  # questions of a run
-RANDOM = "random MDP, k = 5"
-SMALL = "small random MDP, k = 4"
-PROBLEMS = (SMALL, RANDOM, "rover", "surgery", "care")
-MORE = 10  # times as many runs of the small problems, to see how often bounds are held
+SMALL = "random MDP, k = 4"
+SIZES = {"rover": 6, "surgery": 8, "care": 8}  # of a family's problem, where its own is 14 to 30
+PROBLEMS = (SMALL, "random MDP, k = 5", *SIZES)
 SCALES = {
     "independent": "each expert's scale is drawn for itself",
     "alike": "all experts have one scale, but for a tenth",
 }
-ERRORS = {"never": 0.0, "10% flipped": 0.1}
+
+
+class Setting(NamedTuple):
+    """How often experts err, when a run ends, and how many runs there are of a row."""
+
+    rate: float
+    tolerance: float
+    most: int  # questions of a run
+    runs: int
+    alone: int  # runs, the first ones, in which each expert is asked alone as well
+
+
+ERRORS = {
+    "never": Setting(0.0, 0.01, 300, 10, 10),
+    "10% flipped": Setting(0.1, 0.02, 100, 20, 4),
+}
 
 
 class Run(NamedTuple):
-    """One run: questions of the panel, the mean of one expert, the true loss, and the bounds."""
+    """One run: questions of the panel, the mean of one expert, the true loss, and the bounds.
+
+    ``alone`` is None where no expert was asked alone.
+    """
 
     asked: int
-    alone: float
+    alone: float | None
     loss: float
     bound: float
     confidence: float
@@ -64,14 +82,9 @@ class Run(NamedTuple):
 
 def problem(name: str, seed: int) -> OrdinalMDP:
     """Return the problem of this name and seed."""
-    if name == SMALL:
-        return random_mdp(12, 3, 4, discount=0.9, seed=seed)[0]
-    return random_mdp(50, 4, 5, seed=seed)[0] if name == RANDOM else FAMILIES[name](seed)
-
-
-def seeds_of(name: str, problems: int) -> int:
-    """Return the number of runs of a problem's rows."""
-    return MORE * problems if name == SMALL else problems
+    if name in SIZES:
+        return FAMILIES[name](seed, size=SIZES[name])
+    return random_mdp(12, 3, 4 if name == SMALL else 5, discount=0.9, seed=seed)[0]
 
 
 def scales(kind: str, k: int, seed: int) -> dict[str, Floats]:
@@ -84,9 +97,9 @@ def scales(kind: str, k: int, seed: int) -> dict[str, Floats]:
 
 
 def one_run(name: str, kind: str, errs: str, seed: int) -> Run:
-    """Return what a panel of five, and each of the five alone, came to."""
-    mdp, rate = problem(name, seed), ERRORS[errs]
-    values = scales(kind, mdp.k, seed)
+    """Return what a panel of five came to, and in the first runs each of the five alone."""
+    mdp, setting = problem(name, seed), ERRORS[errs]
+    values, rate = scales(kind, mdp.k, seed), setting.rate
 
     def comparator(i: int) -> Comparator:
         return PosteriorComparator(mdp.k, seed=seed + i) if rate else PolytopeComparator(mdp.k)
@@ -97,23 +110,28 @@ def one_run(name: str, kind: str, errs: str, seed: int) -> Run:
         return TruthfulTutor(values[who])
 
     def solved(known: Comparator, tutors: Mapping[str, Tutor] | Tutor) -> Result:
-        run = InteractivePolicyIteration(mdp, known, tolerance=TOLERANCE, max_queries=MOST)
+        run = InteractivePolicyIteration(
+            mdp, known, tolerance=setting.tolerance, max_queries=setting.most
+        )
         return drive(run, tutors)
 
     panel = Panel({who: comparator(i) for i, who in enumerate(PEOPLE)})
     found = solved(panel, {who: tutor(who, i) for i, who in enumerate(PEOPLE)})
-    alone = [solved(comparator(i), tutor(who, i)).asked for i, who in enumerate(PEOPLE)]
+    alone = None
+    if seed < setting.alone:
+        each_asked = [solved(comparator(i), tutor(who, i)).asked for i, who in enumerate(PEOPLE)]
+        alone = float(np.mean(each_asked))
     mean = normalise(np.mean([values[who] for who in PEOPLE], axis=0))
     each = {who: policy_loss(mdp, found.policy, values[who]).max() for who in PEOPLE}
     bounds = found.member_loss_bounds
     return Run(
         found.asked,
-        float(np.mean(alone)),
+        alone,
         float(policy_loss(mdp, found.policy, mean).max()),
         found.loss_bound,
         found.confidence,
         all(each[who] <= bounds[who] + 1e-9 for who in PEOPLE),
-        found.loss_bound <= TOLERANCE,
+        found.loss_bound <= setting.tolerance,
     )
 
 
@@ -153,20 +171,25 @@ HEAD = (
 )
 
 
+def times(found: Sequence[Run]) -> float:
+    """Return the panel's questions over those of one expert, where both were asked."""
+    both = [(run.asked, run.alone) for run in found if run.alone is not None]
+    return float(sum(asked for asked, _ in both) / max(sum(alone for _, alone in both), 1.0))
+
+
 def described(name: str, kind: str, errs: str, found: Sequence[Run]) -> list[str]:
     """Return a row of the table."""
     n = len(found)
     held = sum(run.loss <= run.bound + 1e-9 for run in found)
     low, high = stats.binomtest(held, n).proportion_ci(method="exact")
-    asked, alone = np.array([run.asked for run in found]), np.array([run.alone for run in found])
     return [
         name,
         kind,
         errs,
         str(n),
-        with_interval(alone, 1),
-        with_interval(asked, 1),
-        f"{asked.sum() / max(alone.sum(), 1.0):.2f}",
+        with_interval([run.alone for run in found if run.alone is not None], 1),
+        with_interval([run.asked for run in found], 1),
+        f"{times(found):.2f}",
         f"{100 * np.mean([run.loss for run in found]):.3f}",
         f"{held} of {n}",
         f"{100 * low:.1f} to {100 * high:.1f}%",
@@ -222,48 +245,77 @@ def summary(rows: Mapping[tuple[str, str, str], Sequence[Run]]) -> str:
     """Return sentences on whether bounds were held and how many questions were asked."""
     said = []
     for errs in ERRORS:
-        some = [run for key, found in rows.items() if key[2] == errs for run in found]
-        held = sum(run.loss <= run.bound + 1e-9 for run in some)
-        times = [
-            sum(run.asked for run in found) / max(sum(run.alone for run in found), 1.0)
-            for key, found in rows.items()
-            if key[2] == errs
-        ]
-        if not times:
+        of = [found for key, found in rows.items() if key[2] == errs]
+        if not of:
             continue
-        few = sum(one <= 2.5 for one in times)
+        some = [run for found in of for run in found]
+        over = [times(found) for found in of]
         said.append(
-            f"Experts whose errors are: {errs}. The bound for the mean was held in {held} of "
-            f"{len(some)} runs. The panel of five took {min(times):.2f} to {max(times):.2f} times "
-            f"the questions of one expert; at most 2.5 times in {few} of {len(times)} rows."
+            f"Experts whose errors are: {errs}. The bound for the mean was held in "
+            f"{held_in(some)}; of the runs in which anything was asked, in "
+            f"{held_in([run for run in some if run.asked])}. {sum(run.finished for run in some)} "
+            f"of {len(some)} runs ended within the tolerance. The panel of five took "
+            f"{min(over):.2f} to {max(over):.2f} times the questions of one expert; at most 2.5 "
+            f"times in {sum(one <= 2.5 for one in over)} of {len(over)} rows."
         )
     return " ".join(said)
 
 
-def report(problems: int, journal: Path | None = None) -> Iterator[list[str]]:
-    """The parts of the page."""
+def held_in(found: Sequence[Run]) -> str:
+    """Return in how many runs the bound for the mean was held, with an exact 95% interval."""
+    if not found:
+        return "0 of 0"
+    held = sum(run.loss <= run.bound + 1e-9 for run in found)
+    low, high = stats.binomtest(held, len(found)).proportion_ci(method="exact")
+    return f"{held} of {len(found)} ({100 * low:.1f} to {100 * high:.1f}%)"
+
+
+def report(most: int | None = None, journal: Path | None = None) -> Iterator[list[str]]:
+    """The parts of the page. ``most`` is the number of runs of a row, at most."""
     yield ["# Panels: five experts, their mean, and the number of questions", "", machine()]
+    seeds = {
+        errs: range(min(setting.runs, most or setting.runs)) for errs, setting in ERRORS.items()
+    }
     rows = {
-        (name, kind, errs): runs(name, kind, errs, range(seeds_of(name, problems)), journal)
+        (name, kind, errs): runs(name, kind, errs, seeds[errs], journal)
         for errs in ERRORS
         for name in PROBLEMS
         for kind in SCALES
     }
+    never, flips = ERRORS["never"], ERRORS["10% flipped"]
+    sizes = ", ".join(f"{name} {size}" for name, size in SIZES.items())
     yield [
         "Five experts with a scale each. Policy iteration asks them (`elicit.Panel`, equal "
-        f"weights) until the policy is within {TOLERANCE:.0%} of the value range for the mean of "
-        "their scales, at every state. With experts who never err the members are polytopes and "
-        "the bound is proven; with experts who flip a tenth of their answers they are posteriors "
-        "and the bound is to hold with probability 95%. *One expert*: questions of the same "
-        "learner with one of them alone, in the mean of the five, for a policy that is within the "
-        "tolerance for that one. *Times*: the one over the other. *True loss*: by the mean scale, "
-        "at the worst state, in the mean. *Members' bounds held*: runs in which the bounds on what "
-        "the policy loses each were held for all five; those of posteriors hold with 95% each.",
+        "weights) until the policy is within the tolerance for the mean of their scales, at every "
+        "state, or until the questions are used up. With experts who never err the members are "
+        f"polytopes and the bound is proven; the tolerance is {never.tolerance:.0%} of the value "
+        f"range, with at most {never.most} questions. With experts who flip a tenth of their "
+        "answers the members are posteriors and the bound is to hold with probability 95%; the "
+        f"tolerance is {flips.tolerance:.0%}, with at most {flips.most} questions. The bound is "
+        "checked as it stands when the run ends, for whichever reason.",
+        "",
+        "*One expert*: questions of the same learner with one of them alone, in the mean of the "
+        "five, for a policy that is within the tolerance for that one. Of erring experts that was "
+        f"run with the first {flips.alone} seeds. *Times*: the one over the other, in the same "
+        "runs. *True loss*: by the mean scale, at the worst state, in the mean. *Members' bounds "
+        "held*: runs in which the bounds on what the policy loses each were held for all five; "
+        "those of posteriors hold with 95% each.",
         "",
         *(f"Scales {name}: {text}." for name, text in SCALES.items()),
-        f'Scales are drawn as `hidden_scales("even")`. Seeds 0 to {problems - 1}, of the small '
-        f"problems 0 to {MORE * problems - 1}; at most {MOST} questions. Means with 95% "
-        "t-intervals.",
+        'Scales are drawn as `hidden_scales("even")`. '
+        + " ".join(
+            f"Seeds 0 to {len(each) - 1} with experts whose errors are: {errs}."
+            for errs, each in seeds.items()
+        )
+        + " Means with 95% t-intervals.",
+        "",
+        "What is small: random MDPs have 12 states and 3 actions, and the families' problems have "
+        f"size {sizes} instead of the families' own 14, 30 and 30, which gives 26 to 37 states. "
+        f"Erring experts have a tolerance of {flips.tolerance:.0%} and {flips.most} questions at "
+        f"most, where this page once had {never.tolerance:.0%} and {never.most}. A question about "
+        "a larger problem takes longer to choose, and a tighter tolerance more questions. Neither "
+        "makes a bound easier to hold: the check is the loss by the true scales against the bound "
+        "that was stated.",
     ]
     yield [summary(rows)]
     yield [limits()]
@@ -275,11 +327,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         prog="benchmarks.people.panel", description=(__doc__ or "").splitlines()[0]
     )
-    parser.add_argument("--problems", type=int, default=6, help="runs of each row (default: 6)")
+    parser.add_argument("--runs", type=int, help="runs of each row, at most (default: all)")
     parser.add_argument("--journal", type=Path, help="file that keeps finished runs")
     parser.add_argument("--out", type=Path)
     given = parser.parse_args(arguments)
-    publish(report(given.problems, given.journal), given.out, f"0-{given.problems - 1}")
+    last = max(setting.runs for setting in ERRORS.values()) - 1
+    publish(report(given.runs, given.journal), given.out, f"0-{last}")
 
 
 if __name__ == "__main__":

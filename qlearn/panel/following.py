@@ -134,9 +134,11 @@ def cost_of_following_a_choice(vectors: ArrayLike, panel: Panel) -> Following:
     worth = [np.round(product(shares, scale), 9) for scale in (*scales, panel.values)]
     chosen = [int(one.argmax()) for one in worth]
     losses = [[float(one.max() - one[c]) for c in chosen] for one in worth[:-1]]
-    bounds = [
-        [_most(member, shares - shares[c]) for c in chosen] for member in panel.members.values()
-    ]
+    different = dict.fromkeys(chosen)  # many people may choose the same
+    bounds = []
+    for member in panel.members.values():
+        of = {c: _most(member, shares - shares[c]) for c in different}
+        bounds.append([of[c] for c in chosen])
     names = (*panel.people, "the mean")
     return Following(panel.people, names, np.array(losses), np.array(bounds), of_policies=False)
 

@@ -33,7 +33,8 @@ def test_every_page_of_results_is_in_the_table_once_and_stamped():
     assert len(PAGE) == len(PAGES)
     assert not [page.path for page in PAGES if stamps.of(ROOT / page.path) is None]
     places = [
-        PAGES.index(PAGE[name]) for name in ("figures", "ablation", "dqn_terrain", "01_two_tutors")
+        PAGES.index(PAGE[name])
+        for name in ("figures", "ablation", "crowd", "dqn_terrain", "01_two_tutors")
     ]
     assert places == sorted(places)  # notebooks read tables
 

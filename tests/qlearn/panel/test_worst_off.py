@@ -158,6 +158,17 @@ def test_following_another_in_a_choice_loses_what_the_scales_say() -> None:
         cost_of_following_a_choice(vectors, panel.members["ann"])  # type: ignore[arg-type]
 
 
+def test_bounds_are_those_of_each_choice_also_where_people_choose_the_same() -> None:
+    vectors = np.random.default_rng(2).dirichlet(np.ones(4), 6)
+    panel = Panel({f"{i}": PosteriorComparator(4, seed=i % 2) for i in range(4)})
+    found = cost_of_following_a_choice(vectors, panel)
+    scales = [*(member.values for member in panel.members.values()), panel.values]
+    for j, chosen in enumerate(int((vectors @ scale).argmax()) for scale in scales):
+        for i, member in enumerate(panel.members.values()):
+            high, _ = member.simultaneous_bounds(vectors - vectors[chosen])
+            assert found.bounds[i, j] == max(high.max(), 0.0)
+
+
 def test_what_is_no_mdp_is_refused():
     panel = exact({"ann": [0, 0.5, 1]})
     for function in (policy_for_the_worst_off, cost_of_following):
