@@ -44,6 +44,7 @@ from benchmarks.people import answers_of_people, gains, kinds_of_question, panel
 from benchmarks.people.repeats import of_logs
 from benchmarks.posteriors import preference_posteriors
 from benchmarks.reporting import with_interval
+from benchmarks.rivals import printed_figures
 from benchmarks.training import dqn_on_terrain, training_questions
 from elicit.people import repeated_gambles
 from qlearn.paper.claims import claims_page
@@ -364,6 +365,16 @@ def asked_of_each_kind(text: str) -> Iterator[str | Cells]:
     yield [*kinds_of_question.row("career", kinds_of_question.PLAIN, runs, runs)]
 
 
+def as_many_questions(text: str) -> Iterator[str | Cells]:
+    """Policy comparisons with three objectives."""
+    count = int(re.search(r"(\d+) seeds from", text)[1])
+    seeds = range(printed_figures.FIRST, printed_figures.FIRST + count)
+    asked, losses = np.transpose([printed_figures.compared(3, 0.01, seed) for seed in seeds])
+    ratio = asked.mean() / (3 * np.log(3 / 0.01))
+    losses = with_interval(100 * losses, 4)
+    yield ["3", "0.01", with_interval(asked, 1), f"{ratio:.2f}", losses]
+
+
 def claimed(text: str) -> Iterator[str | Cells]:
     yield claims_page(pd.read_csv(ROOT / "notebooks" / "data" / "figures.csv"))
 
@@ -431,6 +442,7 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("RESULTS-headroom", unasked, SLOW),
     ("RESULTS-loss", asked_so_far, SLOW),
     ("RESULTS-contest", contested),
+    ("RESULTS-printed-figures", as_many_questions),
     ("RESULTS-cuts", cut, SLOW),
     ("RESULTS-wrong", wrong, SLOW),
     ("RESULTS-sessions", sessions, SLOW),
