@@ -45,6 +45,7 @@ from benchmarks.people.repeats import of_logs
 from benchmarks.posteriors import preference_posteriors
 from benchmarks.quotes import tables
 from benchmarks.reporting import with_interval
+from benchmarks.rivals import printed_figures
 from benchmarks.training import dqn_on_terrain, training_questions
 from elicit.model.scale import Floats
 from elicit.people import repeated_gambles
@@ -365,6 +366,16 @@ def asked_of_each_kind(text: str) -> Iterator[str | Cells]:
     yield [*kinds_of_question.row("career", kinds_of_question.PLAIN, runs, runs)]
 
 
+def as_many_questions(text: str) -> Iterator[str | Cells]:
+    """Policy comparisons with three objectives."""
+    count = int(re.search(r"(\d+) seeds from", text)[1])
+    seeds = range(printed_figures.FIRST, printed_figures.FIRST + count)
+    asked, losses = np.transpose([printed_figures.compared(3, 0.01, seed) for seed in seeds])
+    ratio = asked.mean() / (3 * np.log(3 / 0.01))
+    losses = with_interval(100 * losses, 4)
+    yield ["3", "0.01", with_interval(asked, 1), f"{ratio:.2f}", losses]
+
+
 def claimed(text: str) -> Iterator[str | Cells]:
     yield claims_page(pd.read_csv(ROOT / "notebooks" / "data" / "figures.csv"))
 
@@ -430,6 +441,7 @@ SAMPLES = (
     Sample("RESULTS-headroom", unasked),
     Sample("RESULTS-loss", asked_so_far),
     Sample("RESULTS-contest", contested, quick=True),
+    Sample("RESULTS-printed-figures", as_many_questions, quick=True),
     Sample("RESULTS-cuts", cut),
     Sample("RESULTS-wrong", wrong),
     Sample("RESULTS-sessions", sessions),

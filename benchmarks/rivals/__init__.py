@@ -1,0 +1,1 @@
+"""Checks of the contest's rewritten rivals against figures that others print."""
