@@ -16,6 +16,7 @@ from elicit.person.report import (
     counted,
     escaped,
     interval_picture,
+    technical_details,
 )
 
 _MORE_STYLE = """
@@ -127,8 +128,7 @@ def study_page(
         if one.log is not None:
             check = "" if one.checksum is None else f" (checksum of the last line {one.checksum})"
             facts[f"Log of {one.who}"] = f"{one.log}{check}"
-    named = "".join(f"<dt>{escaped(k)}</dt><dd>{escaped(v)}</dd>" for k, v in facts.items())
-    parts.append(f'<div class="log"><dl>{named}</dl></div>')
+    parts += technical_details(facts)
     body = "\n".join(parts)
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'

@@ -34,6 +34,7 @@ export function mount(root, send, options = {}) {
   let untouched = 0; // a timer
   let letters = remembered(); // whether single letters answer
   let expected = null; // questions in all, as it looked last
+  let furthest = 0; // the widest that the bar was, in percent
 
   const banner = part("div", "banner", { role: "alert" });
   const brand = part("div", "brand");
@@ -200,14 +201,17 @@ export function mount(root, send, options = {}) {
     const done = screen.answered;
     if (most !== null) expected = done + 1 + most;
     const all = Math.min(screen.budget ?? Infinity, expected ?? Infinity);
-    bar.firstChild.style.width = screen.stage === "end" ? "100%" : all < Infinity ? `${Math.min(100, (100 * done) / all)}%` : "0";
-    bar.hidden = ["welcome", "practice"].includes(screen.stage) || (all === Infinity && screen.stage !== "end");
+    const over = screen.stage === "end" && screen.end.finished;
+    // new forecasts do not take back what was reached
+    if (all < Infinity && screen.stage !== "welcome") furthest = Math.max(furthest, Math.min(100, (100 * done) / all));
+    bar.firstChild.style.width = `${over ? 100 : furthest}%`;
+    bar.hidden = ["welcome", "practice"].includes(screen.stage) || !(over || furthest);
+    if (over) [expected, furthest] = [null, 0]; // whoever asks for more begins anew
   }
 
   function foot() {
     const n = screen.answered;
-    const again = screen.checks ? ` and ${screen.checks} ${screen.checks === 1 ? "check" : "checks"}` : "";
-    const words = n ? `${n} ${n === 1 ? "answer" : "answers"}${again} saved ${where}` : "Nothing answered yet";
+    const words = n ? `${n} ${n === 1 ? "answer" : "answers"} saved ${where}` : "Nothing answered yet";
     const tick = part("span", "tick", { "aria-hidden": "true" }, ["✓ "]);
     if (!saved.textContent.endsWith(words)) saved.replaceChildren(...(n ? [tick, words] : [words]));
     const going = screen.stage !== "end" && screen.stage !== "welcome";
@@ -440,19 +444,12 @@ export function mount(root, send, options = {}) {
   }
 
   function end() {
-    const { open, scale, certainty, statements, counts, conflicts, changes, caution, remarks, settled, more } = screen.end;
-    const among = [
-      [counts.equal, "equally good"], [counts["cannot tell"], "cannot tell"],
-      [counts.unused, "ignored because they contradict others"], [counts.withdrawn, "more taken back"],
-    ];
-    const some = among.filter(([n]) => n).map(([n, words]) => `${n} ${words}`);
-    const said = `${counts.answered} ${counts.answered === 1 ? "answer" : "answers"}`;
-    const given = some.length ? `${said} (${some.join(", ")}).` : `${said}.`;
+    const { open, scale, certainty, statements, conflicts, changes, caution, remarks, settled, more } = screen.end;
     const top = [part("p", settled ? "status good" : "status", {}, [settled ? "✓ Settled" : "Not settled"])];
     for (const said of [caution, ...remarks].filter(Boolean)) top.push(part("p", "caution", {}, [said]));
     const facts = [
-      ["How sure", screen.end.sure], ["Before", screen.end.before], ["Next", screen.end.next], ["You gave", given],
-      ["Checks", `${checks(counts)} ${screen.end.by_chance}`.trim()],
+      ["How sure", screen.end.sure], ["Before", screen.end.before], ["Next", screen.end.next], ["You gave", screen.end.given],
+      ["Checks", `${screen.end.checks} ${screen.end.by_chance}`.trim()],
     ].filter(([, text]) => text);
     top.push(part("dl", "facts", {}, facts.flatMap(([a, b]) => [part("dt", "", {}, [a]), part("dd", "", {}, [b])])));
     const doing = [button("pick", "Download report", keep)];
@@ -465,9 +462,8 @@ export function mount(root, send, options = {}) {
     if (changes) parts.push(changed(changes));
     if (statements.length) parts.push(section("What else follows", lines(statements)));
     parts.push(section("Downloads", [files(screen.end.downloads)]));
-    const named = screen.end.facts.map(([a, b]) => `${a}: ${b}`).join(" · ");
-    const rest = [...screen.end.limits, named].filter(Boolean).map((line) => part("p", "soft small", {}, [line]));
-    parts.push(part("div", "part", {}, rest));
+    const rest = screen.end.limits.map((line) => part("p", "soft small", {}, [line]));
+    parts.push(part("div", "part", {}, [...rest, ...technical(screen.end.facts)]));
     return [{ heading: [screen.end.headline || "There are no more questions"], name: "Result", more: "" }, ...parts];
   }
 
@@ -484,33 +480,40 @@ export function mount(root, send, options = {}) {
     return part("ul", "list", {}, rows);
   }
 
-  // What the answers change: a heading, a note, and a table that is folded and can be filtered.
-  function changed({ title, note: remark, columns, rows, of }) {
+  // What the answers change: a heading, a note, and a table that is folded and can be filtered. What is still open has a
+  // table of its own.
+  function changed({ title, note: remark, columns, rows, of, open }) {
     const made = [part("p", "soft", {}, [remark])];
-    if (rows.length) {
-      const found = part("p", "soft small", { role: "status" }, [`${rows.length} of ${rows.length} shown`]);
-      const field = part("input", "field", { type: "search", id: "elicit-filter", autocomplete: "off" });
-      const lines = rows.map((row) =>
-        part("tr", "", {}, row.map((cell, i) => part(i ? "td" : "th", "", i ? {} : { scope: "row" }, [cell]))),
-      );
-      field.addEventListener("input", () => {
-        const wanted = field.value.trim().toLowerCase();
-        let n = 0;
-        for (const [i, line] of lines.entries()) {
-          line.hidden = !rows[i].join(" ").toLowerCase().includes(wanted);
-          n += !line.hidden;
-        }
-        say(found, `${n} of ${rows.length} shown`);
-      });
-      const head = part("tr", "", {}, columns.map((column) => part("th", "", { scope: "col" }, [column])));
-      const table = part("table", "changes", {}, [part("thead", "", {}, [head]), part("tbody", "", {}, lines)]);
-      const label = part("label", "", { for: "elicit-filter" }, ["Filter the table "]);
-      const scrolls = part("div", "scrolls", { tabindex: "0", role: "region", "aria-label": title }, [table]);
-      const words = rows.length === 1 ? `Show the ${of}` : `Show the ${rows.length} ${of}s`;
-      const filter = part("div", "filter", {}, [label, field, found]);
-      made.push(part("details", "panel", {}, [part("summary", "", {}, [words]), filter, scrolls]));
+    if (rows.length) made.push(folded(title, columns, rows, of, [], "elicit-filter"));
+    if (open) {
+      const said = [part("p", "soft", {}, [open.note])];
+      made.push(folded(open.title, open.columns, open.rows, open.of, said, "elicit-filter-open"));
     }
     return section(title, made);
+  }
+
+  function folded(title, columns, rows, of, said, id) {
+    const found = part("p", "soft small", { role: "status" }, [`${rows.length} of ${rows.length} shown`]);
+    const field = part("input", "field", { type: "search", id, autocomplete: "off" });
+    const lines = rows.map((row) =>
+      part("tr", "", {}, row.map((cell, i) => part(i ? "td" : "th", "", i ? {} : { scope: "row" }, [cell]))),
+    );
+    field.addEventListener("input", () => {
+      const wanted = field.value.trim().toLowerCase();
+      let n = 0;
+      for (const [i, line] of lines.entries()) {
+        line.hidden = !rows[i].join(" ").toLowerCase().includes(wanted);
+        n += !line.hidden;
+      }
+      say(found, `${n} of ${rows.length} shown`);
+    });
+    const head = part("tr", "", {}, columns.map((column) => part("th", "", { scope: "col" }, [column])));
+    const table = part("table", "changes", {}, [part("thead", "", {}, [head]), part("tbody", "", {}, lines)]);
+    const label = part("label", "", { for: id }, ["Filter the table "]);
+    const scrolls = part("div", "scrolls", { tabindex: "0", role: "region", "aria-label": title }, [table]);
+    const words = rows.length === 1 ? `Show the ${of}` : `Show the ${rows.length} ${of}s`;
+    const filter = part("div", "filter", {}, [label, field, found]);
+    return part("details", "panel", {}, [part("summary", "", {}, [words]), ...said, filter, scrolls]);
   }
 
   // Answers that contradict each other, each of which can be taken back.
@@ -538,7 +541,7 @@ export function mount(root, send, options = {}) {
     const among = new Set(listed.conflicts.flat());
     const items = listed.answers.map((one) => {
       const tags = [];
-      if (one.withdrawn) tags.push("taken back");
+      if (one.withdrawn) tags.push(one.replaced ? "replaced after a check" : "taken back");
       else if (among.has(one.id)) tags.push("contradicts others");
       if (!one.withdrawn && !one.used && !one.repeat) tags.push("ignored");
       if (one.repeat) tags.push("asked again as a check");
@@ -628,7 +631,7 @@ const WHEN = { dateStyle: "medium", timeStyle: "short" };
 const FILES = {
   scale: ["Scale", "the value and range of each level"],
   policy: ["Result", "what is chosen, and where your answers change it"],
-  answers: ["Answers", "as you saw them"],
+  answers: ["Answers", "each one, with both sides as you saw them"],
 };
 const REMEMBERED = "elicit: letter keys";
 
@@ -668,6 +671,14 @@ export function button(name, words, done, key, shortcut) {
 
 export function section(title, inside) {
   return part("section", "part", {}, [part("h2", "", {}, [title]), ...inside]);
+}
+
+// What only somebody who checks a result needs: the problem, the seed, and so on.
+export function technical(facts) {
+  if (!facts.length) return [];
+  const named = facts.flatMap(([name, value]) => [part("dt", "", {}, [name]), part("dd", "", {}, [value])]);
+  const summary = part("summary", "", {}, ["Technical details"]);
+  return [part("details", "technical", {}, [summary, part("dl", "facts small", {}, named)])];
 }
 
 // Lines as paragraphs; those that are indented as a list under the one before.
@@ -789,11 +800,6 @@ function toCome(range, seconds, atLeast) {
   const time = `, up to ${minutes} ${minutes === 1 ? "minute" : "minutes"}`;
   if (least === most) return `about ${most} more${time}`;
   return least === 0 ? `at most ${most} more${time}` : `about ${least} to ${most} more${time}`;
-}
-
-function checks({ repeated, alike }) {
-  if (!repeated) return "";
-  return `${alike} of ${repeated} repeated ${repeated === 1 ? "question was" : "questions were"} answered as before.`;
 }
 
 const thousands = (n) => n.toLocaleString("en-US");
