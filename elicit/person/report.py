@@ -29,6 +29,7 @@ th, td { box-sizing: border-box; text-align: left; vertical-align: top; font-wei
 thead th, thead td { font-size: .85rem; color: #4a5864; border-top: 0; vertical-align: bottom; }
 .number { text-align: right; } .guess { width: 12%; } .range { width: 16%; } .drawn { width: 48%; padding: 0 1.2rem; }
 .scale tbody * { vertical-align: middle; } .nr { width: 3.2rem; overflow-wrap: normal; } .when { width: 11.2rem; } .remarks { width: 28%; }
+.levels th { width: 34%; }
 svg { display: block; width: 100%; overflow: visible; }
 .conflict { border: 1.5px solid #b45f00; background: #fff4dc; border-radius: 8px; padding: .2rem 1rem;
   margin: .8rem 0; }
@@ -42,8 +43,18 @@ summary { cursor: pointer; color: #0b4f8a; padding: .3rem 0; } details > table {
 @media (min-width: 44rem) { .wide { table-layout: auto; } .wide th, .wide td { overflow-wrap: break-word; } }
 @media (max-width: 34rem) {
   body { margin-top: 1rem; } table { font-size: .9rem; } th, td { padding: .3rem .2rem; }
-  .drawn { width: 32%; padding: 0 .8rem; } .guess { width: 14%; } .range { width: 24%; }
-  .nr { width: 2rem; } .when { width: 6rem; } .remarks { width: 22%; }
+  .scale, .scale thead, .scale tbody, .scale caption, .answers, .answers tbody { display: block; }
+  .scale tr { display: grid; grid-template-columns: minmax(0, 1fr) 5.5rem 6rem; border-top: 1px solid #d9e0e6; }
+  .scale thead tr { border-top: 0; } .scale th, .scale td { border-top: 0; width: auto; }
+  .scale .drawn { grid-row: 2; grid-column: 1 / -1; padding: 0 .8rem; } .scale tbody .drawn { margin-top: -.5rem; }
+  .answers thead, .many thead { display: none; } .many, .many tbody { display: block; }
+  .many tr { display: grid; grid-template-columns: 1fr 1fr; gap: 0 1.2rem; padding: .4rem 0; border-top: 1px solid #d9e0e6; }
+  .many td { border-top: 0; padding: .1rem 0; display: flex; justify-content: space-between; gap: .6rem; }
+  .many td:first-child { grid-column: 1 / -1; font-weight: 600; }
+  .many td:not(:first-child)::before { content: attr(data-head); color: #4a5864; }
+  .answers tr { display: grid; grid-template-columns: 2.2rem minmax(0, 1fr); border-top: 1px solid #d9e0e6; }
+  .answers td { border-top: 0; padding: .1rem .2rem; } .answers td:nth-child(n+3) { grid-column: 2; }
+  .answers td:empty { display: none; }
 }
 @media print {
   body { margin: 0; max-width: none; font-size: 11pt; } thead { display: table-header-group; }
@@ -52,6 +63,9 @@ summary { cursor: pointer; color: #0b4f8a; padding: .3rem 0; } details > table {
   * { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
 }
 """  # noqa: E501
+
+
+_FEW_COLUMNS = 3  # that fit beside each other on a phone
 
 
 @dataclass(frozen=True)
@@ -193,9 +207,12 @@ def _changes(changes: Mapping[str, Any]) -> Iterator[str]:
 def _rows_of(table: Mapping[str, Any]) -> Iterator[str]:
     if table["rows"]:
         head = "".join(f'<th scope="col">{escaped(name)}</th>' for name in table["columns"])
-        yield f'<table class="wide">\n<thead><tr>{head}</tr></thead>\n<tbody>'
+        many = " many" if len(table["columns"]) > _FEW_COLUMNS else ""
+        yield f'<table class="wide{many}">\n<thead><tr>{head}</tr></thead>\n<tbody>'
         for row in table["rows"]:
-            yield f"<tr>{''.join(f'<td>{escaped(cell)}</td>' for cell in row)}</tr>"
+            cells = zip(table["columns"], row, strict=True)
+            each = (f'<td data-head="{escaped(name)}">{escaped(cell)}</td>' for name, cell in cells)
+            yield f"<tr>{''.join(each)}</tr>"
         yield "</tbody>\n</table>"
 
 
@@ -213,7 +230,7 @@ def asked_about(preamble: str, legend: Mapping[str, Any] | None) -> Iterator[str
             f"<td>{escaped(one['meaning'])}</td></tr>"
             for one in legend["levels"]
         )
-        yield f"<table><tbody>{rows}</tbody></table>"
+        yield f'<table class="levels"><tbody>{rows}</tbody></table>'
 
 
 def escaped(words: object) -> str:
@@ -314,7 +331,7 @@ def _answers(
     head = "".join(
         f'<th scope="col" class="{name}">{words}</th>' for name, words in columns.items()
     )
-    yield f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>"
+    yield f'<table class="answers">\n<thead><tr>{head}</tr></thead>\n<tbody>'
     for number, one in enumerate(answers, 1):
         stands, replaced = not one["withdrawn"], one.get("replaced", False)
         remarks = {

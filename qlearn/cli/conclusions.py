@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -88,37 +88,49 @@ def policy_conclusion(
         if before is None
         else f"Before your first answer it could have lost {told.loss(before)}."
     )
+    differing = _differing(mdp, result)
     return Conclusion(
         headline=headline,
         sure=_sure(result),
         next=after,
         more=more,
         before=unasked,
-        changes=_changes(told, mdp, action_words, result),
-        result=_whole_policy(mdp, action_words, result),
+        changes=_changes(told, mdp, action_words, result, differing),
+        result=_whole_policy(mdp, action_words, result, differing),
         settled=settled,
         early=f"So far, compared with your ideal plan, your plan loses at most {most}. Your "
         "answers are not checked yet.",
     )
 
 
-def _differing(mdp: OrdinalMDP, result: Result) -> tuple[Any, Any, Any]:
-    """Return the policy of equal steps (S,), and where the learned one differs from it.
-
-    The second part are the states, the third whether it is certainly better there.
+class _Differing(NamedTuple):
+    """The policy of equal steps (S,), the states in which the learned one differs from it, and
+    whether the learned action is certainly better in each.
     """
+
+    equal: Any
+    states: Any
+    holds: Any
+
+
+def _differing(mdp: OrdinalMDP, result: Result) -> _Differing:
+    """Compare the learned policy with that of equal steps."""
     equal = optimal_policy(mdp, np.linspace(0.0, 1.0, mdp.k), result.policy)
     states = np.flatnonzero((equal != result.policy) & ~mdp.terminal)
     d = result.q[states, result.policy[states]] - result.q[states, equal[states]]
     holds = decide(result.comparator, d).verdicts == Verdict.BETTER if len(states) else states > 0
-    return equal, states, holds
+    return _Differing(equal, states, holds)
 
 
 def _changes(
-    told: InWords, mdp: OrdinalMDP, action_words: Callable[[int], str], result: Result
+    told: InWords,
+    mdp: OrdinalMDP,
+    action_words: Callable[[int], str],
+    result: Result,
+    differing: _Differing,
 ) -> ResultTable:
     """Return the states in which the answers change the action, for certain or perhaps."""
-    equal, states, holds = _differing(mdp, result)
+    equal, states, holds = differing
     live, n = int(np.count_nonzero(~mdp.terminal)), int(holds.sum())
     rest = len(states) - n
     some = ""
@@ -163,10 +175,10 @@ def _changes(
 
 
 def _whole_policy(
-    mdp: OrdinalMDP, action_words: Callable[[int], str], result: Result
+    mdp: OrdinalMDP, action_words: Callable[[int], str], result: Result, differing: _Differing
 ) -> ResultTable:
     """Return the action in every state that is not terminal, as a table to download."""
-    equal, states, holds = _differing(mdp, result)
+    equal, states, holds = differing
     change = dict(zip(states.tolist(), holds.tolist(), strict=True))
     words = {True: "certain", False: "open", None: "none"}
     rows = tuple(

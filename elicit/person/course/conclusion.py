@@ -133,7 +133,7 @@ def in_unit(share: float, unit: str, labels: Sequence[str], own: str = "") -> st
     Returns
     -------
     str
-        Such as "as much value as if 3.8 in 100 days were “worst” instead of “best”".
+        Such as "as much value as if 3.8 in 100 days were at “worst” instead of “best”".
     """
-    clause = own or f"{{n}} {unit} were “{labels[0]}” instead of “{labels[-1]}”"
+    clause = own or f"{{n}} {unit} were at “{labels[0]}” instead of “{labels[-1]}”"
     return f"as much value as if {clause.replace('{n}', per_hundred(share))}"

@@ -21,6 +21,7 @@ from elicit.person.report import (
 
 _MORE_STYLE = """
 .wide { overflow-x: auto; } .wide table { table-layout: auto; } .wide td { white-space: nowrap; }
+.wide th { overflow-wrap: normal; }
 .each td, .each th { border-top: 0; padding: .1rem .6rem; vertical-align: middle; overflow-wrap: anywhere; }
 .each .level { border-top: 1px solid #d9e0e6; font-weight: 600; padding-top: .5rem; }
 .each .name { width: 22%; } .each .drawn { width: auto; } .each .number { width: 28%; }

@@ -160,7 +160,7 @@ def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: P
     sure = "if your answers are right" if comparator == "polytope" else "with 95% probability"
     loss = (
         r"settled. Compared with your ideal plan, it loses at most as much value as if ([\d.]+) in "
-        r"100 days were “level 1” instead of "
+        r"100 days were at “level 1” instead of "
         rf"“level 5”. This holds {sure}\."
     )
     bound = re.search(loss, " ".join(said.split()))
@@ -350,7 +350,7 @@ def test_what_a_choice_can_lose_is_the_same_of_counts_and_of_shares(tmp_path: Pa
         said.append((course.subject.stakes(result), concluded.next))
     assert said[0] == said[1]
     lost = re.search(
-        r"lose as much value as if ([\d.]+) in 100 outcomes were “died” instead of “well”",
+        r"lose as much value as if ([\d.]+) in 100 outcomes were at “died” instead of “well”",
         str(said[0][0]),
     )
     assert lost

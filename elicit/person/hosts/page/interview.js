@@ -59,7 +59,7 @@ export function mount(root, send, options = {}) {
 
   // One thing at a time: `job` is done while the buttons wait, and what it changed is drawn, unless it returns STAYS.
   // A failure is told, with a button that does it again; `lost` says what is not done.
-  async function act(job, lost = "This cannot be shown yet.") {
+  async function act(job, lost = "This cannot be shown yet.", wait = NEXT) {
     if (busy) return;
     busy = true;
     turn += 1;
@@ -67,7 +67,7 @@ export function mount(root, send, options = {}) {
     const before = document.activeElement;
     sheet.setAttribute("aria-busy", "true");
     enable(false);
-    const slow = setTimeout(() => say(waiting, "Working out what comes next ..."), SLOW);
+    const slow = setTimeout(() => say(waiting, wait.words), wait.after);
     let stays = false;
     try {
       stays = (await job()) === STAYS;
@@ -86,11 +86,15 @@ export function mount(root, send, options = {}) {
     before?.focus({ preventScroll: true });
   }
 
-  const show = (message, lost) =>
-    act(async () => {
-      screen = await send(message);
-      view = "stage";
-    }, lost);
+  const show = (message, lost, wait) =>
+    act(
+      async () => {
+        screen = await send(message);
+        view = "stage";
+      },
+      lost,
+      wait,
+    );
 
   function answer(choice, words) {
     if (screen.stage === "practice") return show({ do: "practised", choice });
@@ -196,14 +200,16 @@ export function mount(root, send, options = {}) {
     drawn = true;
   }
 
-  // How far the interview is: of the questions that the person planned, or of those that it will likely take.
-  function fill(most) {
+  // How far the interview is: of the questions that the person planned, or of those that it will likely take. `reply` is
+  // what came in beside the question. Without one the bar stays where it is, for the last forecast may be too low.
+  function fill(reply) {
     const done = screen.answered;
-    if (most !== null) expected = done + 1 + most;
-    const all = Math.min(screen.budget ?? Infinity, expected ?? Infinity);
     const over = screen.stage === "end" && screen.end.finished;
+    if (reply?.to_come) expected = done + 1 + reply.to_come[1];
+    else if (reply && expected) expected = Math.max(expected, done + 1 + reply.at_least);
+    const all = Math.min(screen.budget ?? Infinity, expected ?? Infinity);
     // new forecasts do not take back what was reached
-    if (all < Infinity && screen.stage !== "welcome") furthest = Math.max(furthest, Math.min(100, (100 * done) / all));
+    if (reply && all < Infinity) furthest = Math.max(furthest, Math.min(100, (100 * done) / all));
     bar.firstChild.style.width = `${over ? 100 : furthest}%`;
     bar.hidden = ["welcome", "practice"].includes(screen.stage) || !(over || furthest);
     if (over) [expected, furthest] = [null, 0]; // whoever asks for more begins anew
@@ -221,7 +227,7 @@ export function mount(root, send, options = {}) {
       ...(view === "answers" ? [] : lists),
       shortcuts(),
       ...(view === "pause" || !going ? [] : [button("link", "Pause", () => look("pause"))]),
-      ...(going ? [button("link", "Finish now", () => show({ do: "finish" }))] : []),
+      ...(going ? [button("link", "Finish now", () => show({ do: "finish" }, undefined, RESULT))] : []),
     );
   }
 
@@ -250,13 +256,14 @@ export function mount(root, send, options = {}) {
 
   function legendOf() {
     const all = screen.legend.levels;
+    const meant = all.some((one) => one.meaning);
     const rows = all.map((one) =>
       part("tr", "", {}, [
         part("th", "", { scope: "row" }, [icon(one.level, all.length, colourOf(one.level, all.length)), one.label]),
-        part("td", "", {}, [one.meaning]),
+        ...(meant ? [part("td", "", {}, [one.meaning])] : []),
       ]),
     );
-    const table = part("table", "legend", {}, [part("tbody", "", {}, rows)]);
+    const table = part("table", meant ? "legend" : "legend short", {}, [part("tbody", "", {}, rows)]);
     const stays = screen.legend.duration ? [part("p", "soft", {}, [screen.legend.duration])] : [];
     return [...stays, table];
   }
@@ -336,6 +343,9 @@ export function mount(root, send, options = {}) {
     if (most > 20 && asked.icons) pair.classList.add("small");
     if (asked.rows.length > 7) pair.classList.add("many");
     pair.style.setProperty("--digits", thousands(most).length);
+    // a longer word may be broken
+    const word = Math.max(...asked.rows.flatMap((row) => row.label.split(/[\s-]+/).map((one) => one.length)), 0);
+    pair.style.setProperty("--word", `${0.6 * Math.min(12, word)}em`);
     for (const [i, side] of ["a", "b"].entries()) {
       const words = `${asked.sides[i]} is better`;
       const heading = part("h2", "", {}, [asked.sides[i]]);
@@ -405,8 +415,11 @@ export function mount(root, send, options = {}) {
   function offer() {
     const { heading, text, options: some } = screen.offer;
     const buttons = some.map(({ option, label }) =>
-      button("alt", label, () => (option === "pause" ? look("pause") : show({ do: "choose", option }))),
+      button("alt", label, () => (option === "pause" ? look("pause") : choose(option))),
     );
+    function choose(option) {
+      show({ do: "choose", option }, undefined, option === "finish" ? RESULT : NEXT);
+    }
     const parts = [part("p", "", {}, [text]), part("div", "mid options stack", {}, buttons)];
     return [{ heading: [heading], name: "A break", more: "" }, ...parts, part("div", "mid", {}, [undoing()])];
   }
@@ -419,7 +432,7 @@ export function mount(root, send, options = {}) {
     progress.lastChild.textContent = sooner
       ? planned(screen.time, screen.answered, screen.budget)
       : toCome(beside.to_come, screen.time.pace, beside.at_least);
-    fill(beside.to_come ? beside.to_come[1] : null);
+    fill(beside);
     const why = body.querySelector(".why");
     why?.querySelectorAll("p").forEach((p) => p.remove());
     const said = beside.why.length || beside.ready ? beside.why : ["Still being worked out ..."];
@@ -495,8 +508,11 @@ export function mount(root, send, options = {}) {
   function folded(title, columns, rows, of, said, id) {
     const found = part("p", "soft small", { role: "status" }, [`${rows.length} of ${rows.length} shown`]);
     const field = part("input", "field", { type: "search", id, autocomplete: "off" });
-    const lines = rows.map((row) =>
-      part("tr", "", {}, row.map((cell, i) => part(i ? "td" : "th", "", i ? {} : { scope: "row" }, [cell]))),
+    const lines = rows.map(([first, ...cells]) =>
+      part("tr", "", { role: "row" }, [
+        part("th", "", { scope: "row", role: "rowheader" }, [first]),
+        ...cells.map((cell, i) => part("td", "", { role: "cell", "data-head": columns[i + 1] }, [cell])),
+      ]),
     );
     field.addEventListener("input", () => {
       const wanted = field.value.trim().toLowerCase();
@@ -507,13 +523,16 @@ export function mount(root, send, options = {}) {
       }
       say(found, `${n} of ${rows.length} shown`);
     });
-    const head = part("tr", "", {}, columns.map((column) => part("th", "", { scope: "col" }, [column])));
-    const table = part("table", "changes", {}, [part("thead", "", {}, [head]), part("tbody", "", {}, lines)]);
+    const heads = columns.map((column) => part("th", "", { scope: "col", role: "columnheader" }, [column]));
+    const table = part("table", columns.length > 3 ? "changes many" : "changes", { role: "table" }, [
+      part("thead", "", { role: "rowgroup" }, [part("tr", "", { role: "row" }, heads)]),
+      part("tbody", "", { role: "rowgroup" }, lines),
+    ]);
     const label = part("label", "", { for: id }, ["Filter the table "]);
     const scrolls = part("div", "scrolls", { tabindex: "0", role: "region", "aria-label": title }, [table]);
     const words = rows.length === 1 ? `Show the ${of}` : `Show the ${rows.length} ${of}s`;
-    const filter = part("div", "filter", {}, [label, field, found]);
-    return part("details", "panel", {}, [part("summary", "", {}, [words]), ...said, filter, scrolls]);
+    const filter = rows.length > FEW ? [part("div", "filter", {}, [label, field, found])] : [];
+    return part("details", "panel", {}, [part("summary", "", {}, [words]), ...said, ...filter, scrolls]);
   }
 
   // Answers that contradict each other, each of which can be taken back.
@@ -546,7 +565,8 @@ export function mount(root, send, options = {}) {
       if (!one.withdrawn && !one.used && !one.repeat) tags.push("ignored");
       if (one.repeat) tags.push("asked again as a check");
       const number = part("span", "soft", {}, [`${one.number}. `]);
-      const words = part("span", "words", {}, [number, part(one.withdrawn ? "s" : "span", "", {}, [one.sentence])]);
+      const said = part("span", "", {}, [number, part(one.withdrawn ? "s" : "span", "", {}, [one.sentence])]);
+      const words = part("span", "words", {}, [said]);
       words.append(...tags.map((tag) => part("span", "tag", {}, [tag])));
       const when = one.time && new Date(one.time).toLocaleString(undefined, WHEN);
       if (when) words.append(part("time", "soft", { datetime: one.time }, [when]));
@@ -623,6 +643,9 @@ export function mount(root, send, options = {}) {
   };
 }
 
+const FEW = 8; // rows that need no filter
+const NEXT = { words: "Working out what comes next ...", after: SLOW };
+const RESULT = { words: "Working out your result ...", after: 50 };
 const TRY = "Practice question: your answer is not saved.";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
 const MENDS = "Withdrawing any one of them fixes it. The others stay.";
@@ -735,27 +758,32 @@ export function colourOf(level, levels) {
 // What the levels are worth, as a table whose middle column is a picture. A level that no answer is about is unknown.
 function worth(scale, certainty) {
   const head = ["Level", null, "Best guess", "Range"].map((words) =>
-    words ? part("th", "", { scope: "col" }, [words]) : part("td", "drawn", {}, [axis()]),
+    words
+      ? part("th", "", { scope: "col", role: "columnheader" }, [words])
+      : part("td", "drawn", { role: "cell" }, [axis()]),
   );
   const rows = scale.map(({ label, value, low, high, asked }, i) => {
     const range = low === high ? "fixed" : `${low} to ${high}`;
     const known = asked && !(low <= 0 && high >= 100);
     const name = asked ? [label] : [label, part("span", "soft small never", {}, ["never asked"])];
-    return part("tr", "", {}, [
-      part("th", "", { scope: "row" }, name),
-      part("td", "drawn", {}, [interval(low, value, high, colourOf(scale.length - 1 - i, scale.length), known)]),
-      part("td", "number", {}, [known ? String(Math.round(value)) : "unknown"]),
-      part("td", "number", {}, [range]),
+    return part("tr", "", { role: "row" }, [
+      part("th", "", { scope: "row", role: "rowheader" }, name),
+      part("td", "drawn", { role: "cell" }, [
+        interval(low, value, high, colourOf(scale.length - 1 - i, scale.length), known),
+      ]),
+      part("td", "number", { role: "cell" }, [known ? String(Math.round(value)) : "unknown"]),
+      part("td", "number", { role: "cell" }, [range]),
     ]);
   });
   const said =
     "From 0, the worst level, to 100, the best. A level at 60 is as good to you as 60 of 100 at the best level and 40 " +
     "at the worst. The bar is what is still possible, and the dot is the best guess. A dashed bar is a level that is " +
     "still unknown.";
-  const table = part("table", "worth", {}, [
+  // roles, because a narrow page lays the rows out as a grid, which takes the table's own roles away
+  const table = part("table", "worth", { role: "table" }, [
     part("caption", "soft", {}, [`${said} The ranges hold ${certainty}.`]),
-    part("thead", "", {}, [part("tr", "", {}, head)]),
-    part("tbody", "", {}, rows),
+    part("thead", "", { role: "rowgroup" }, [part("tr", "", { role: "row" }, head)]),
+    part("tbody", "", { role: "rowgroup" }, rows),
   ]);
   return section("What the levels are worth to you", [part("div", "panel", {}, [table])]);
 }

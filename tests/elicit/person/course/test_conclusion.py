@@ -27,7 +27,7 @@ def test_two_digits() -> None:
 def test_in_the_problems_unit() -> None:
     labels = ("died", "ill", "well")
     assert in_unit(0.01, "days", labels) == (
-        "as much value as if 1 in 100 days were “died” instead of “well”"
+        "as much value as if 1 in 100 days were at “died” instead of “well”"
     )
     own = "{n} patients died instead of recovering"
     assert in_unit(0.038, "patients", labels, own) == (
