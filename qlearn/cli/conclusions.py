@@ -104,8 +104,9 @@ def policy_conclusion(
 
 
 class _Differing(NamedTuple):
-    """The policy of equal steps (S,), the states in which the learned one differs from it, and
-    whether the learned action is certainly better in each.
+    """The policy of equal steps (S,), and where the learned policy differs from it.
+
+    ``holds`` says for each of these ``states`` whether the learned action is certainly better.
     """
 
     equal: Any

@@ -206,7 +206,7 @@ export function mount(root, send, options = {}) {
     const done = screen.answered;
     const over = screen.stage === "end" && screen.end.finished;
     if (reply?.to_come) expected = done + 1 + reply.to_come[1];
-    else if (reply && expected) expected = Math.max(expected, done + 1 + reply.at_least);
+    else if (reply && expected) expected = Math.max(expected, done + 1 + (reply.at_least ?? 0));
     const all = Math.min(screen.budget ?? Infinity, expected ?? Infinity);
     // new forecasts do not take back what was reached
     if (reply && all < Infinity) furthest = Math.max(furthest, Math.min(100, (100 * done) / all));
