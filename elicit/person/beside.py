@@ -22,7 +22,7 @@ from elicit.model.query import Answer, Query, Verdict
 from elicit.person.asker import AfterAnswer, Asker, Supposed, tell
 from elicit.person.background import Background, MadeAhead, Turns
 from elicit.person.course.choices import Choices
-from elicit.person.course.conduct import AGAIN, LEAST_CHECKS, ORDER
+from elicit.person.course.conduct import AGAIN, LEAST_CHECKS, ORDER, Conduct
 from elicit.person.course.consequences import Consequences
 from elicit.person.course.level_questions import LEVEL
 from elicit.person.course.pace import Pace
@@ -186,7 +186,7 @@ class Beside(Closing):
         self._pace = Pace()  # then: whoever does not hold the lock may not read the log
         self._weighed: Consequences[Supposed] | None = None
         self._since: list[Verdict | None] = []  # verdicts since then
-        self._put_so_far = 0  # questions, and checks, before this one
+        self._conduct = Conduct.of(())  # before this question
         self._needed = (0, 0)  # answers and checks that must still come after this question
 
     def start(self, steps: Iterator[None]) -> None:
@@ -275,18 +275,18 @@ class Beside(Closing):
         ready = now.ready  # read first: whatever is there by then stays
         return {"id": id, "choices": now.found(), "ready": ready}
 
-    def accompany(self, shown: Shown, put_so_far: int, needed: tuple[int, int]) -> None:
+    def accompany(self, shown: Shown, conduct: Conduct, needed: tuple[int, int]) -> None:
         """Start the computations beside a question, which is on the screen now.
 
         Parameters
         ----------
         shown : Shown
-        put_so_far : int
-            Number of questions, and checks, before this one.
+        conduct : Conduct
+            That of the answers before this question.
         needed : (2,) int
             Answers, and checks, that must still come after this one.
         """
-        self._put_so_far, self._needed = put_so_far, needed
+        self._conduct, self._needed = conduct, needed
         session, subject, now = self._session, self._subject, self._beside
         asker = session.current_asker()
         if now is not None and now.shown == shown.id and now.asker is asker:
@@ -356,7 +356,7 @@ class Beside(Closing):
         to_come = (
             self._as_forecast()
             if outlook.to_come is None
-            else [max(answers, number) + checks for number in outlook.to_come]
+            else [self._with_checks(max(answers, number)) for number in outlook.to_come]
         )
         why = [*outlook.why]
         if not outlook.counted:
@@ -366,10 +366,17 @@ class Beside(Closing):
         at_least = answers + checks
         return {"id": id, "why": why, "to_come": to_come, "at_least": at_least, "ready": ready}
 
+    def _with_checks(self, number: int) -> int:
+        """Return how many questions come if so many answers after this one do."""
+        checks = self._needed[1]
+        if self._subject.least and self._session.audits:
+            checks = self._conduct.checks_beside(number + 1, checks)
+        return number + checks
+
     def _as_forecast(self) -> list[int] | None:
         """Return how many questions are to come by the welcome's forecast, or None."""
         length = None if self._prospects is None else self._prospects.length()
-        left = 0 if length is None else length - self._put_so_far - 1
+        left = 0 if length is None else length - self._conduct.put - 1
         return [left, left] if left >= max(1, sum(self._needed)) else None
 
 

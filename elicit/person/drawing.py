@@ -14,7 +14,8 @@ from elicit.model.query import Verdict
 from elicit.person.asker import Compares, Supposed
 from elicit.person.course.choices import Choices
 from elicit.person.course.conclusion import Conclusion, in_unit
-from elicit.person.course.conduct import choice_of
+from elicit.person.course.conduct import choice_of, was_settled
+from elicit.person.course.counts import Counts
 from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
 from elicit.person.course.pace import Pace
@@ -75,16 +76,13 @@ class Drawing:
         if 2 * found.settled > n or math.isnan(found.loss):
             return said
         most = in_unit(found.loss, words.unit, self._subject.labels, words.loss)
-        return printable(f"{said} In half of all {n}, what could still be lost was at most {most}.")
+        return printable(f"{said} In half of all {n} it could still lose at most {most}.")
 
     def _before(self, loss: float) -> str:
         """Return a sentence on what could be lost before the first answer."""
         words = self._subject.words
         most = in_unit(loss, words.unit, self._subject.labels, words.loss)
-        return (
-            f"Before your first answer, the result could be worse than your best one by as much as "
-            f"{most}."
-        )
+        return f"Before your first answer, the result could lose {most}."
 
     def _conflicts_found(self) -> tuple[tuple[Entry, ...], ...]:
         """Return ``Session.conflicts``, which are computed once for the same answers."""
@@ -210,6 +208,7 @@ class Drawing:
                 "verdict": entry.answer.verdict,
                 "time": entry.metadata.get("time"),
                 "withdrawn": entry.retracted,
+                "replaced": was_settled(entry),
                 "used": entry.used,
                 "repeat": entry.repeat,
             }
@@ -226,7 +225,7 @@ class Drawing:
         whole = query is not None and shown_of(self._subject, query).exact
         now = datetime.now(UTC)
         title = printable(self._subject.words.title)
-        facts = {"Person": self._session.who or "not named", **dict(self._subject.facts.of)}
+        facts = dict(self._subject.facts.of)
         html = report_page(
             title,
             f"{now.day} {now:%B %Y, %H:%M} UTC",
@@ -234,6 +233,7 @@ class Drawing:
             self.answers()["answers"],
             waiting=whole,
             details=ReportDetails(
+                who=printable(self._session.who or "not named"),
                 log=None if log.path is None else printable(log.path.name),
                 checksum=log.checksum,
                 preamble=printable(self._subject.words.preamble),
@@ -297,7 +297,7 @@ class Drawing:
             True if a question is open that cannot be put in whole numbers.
         """
         session, subject = self._session, self._subject
-        status = session.status()
+        counts = Counts.of(session.log)
         asker = session.current_asker()
         known = asker.comparator if isinstance(asker, Compares) else None
         found = self._concluded()
@@ -362,15 +362,9 @@ class Drawing:
             ],
             "facts": [list(pair) for pair in subject.facts.of],
             "limits": self._limits(),
-            "counts": {
-                "answered": status.answered,
-                "equal": status.equal,
-                "cannot tell": status.cannot_tell,
-                "unused": status.unused,
-                "withdrawn": status.withdrawn,
-                "repeated": status.repeated,
-                "alike": status.alike,
-            },
+            "counts": counts.record(),
+            "given": counts.sentence,
+            "checks": counts.checks,
             "conflicts": self._conflicts(),
         }
 
@@ -400,6 +394,5 @@ class Drawing:
 
 def _in_words(shown: Shown) -> str:
     """Return both sides of a question in words, as they were shown."""
-    a = ", ".join(f"{row.a:,} {row.label}" for row in shown.rows if row.a)
-    b = ", ".join(f"{row.b:,} {row.label}" for row in shown.rows if row.b)
-    return f"A: {a or 'nothing'}. B: {b or 'nothing'}. (Of {shown.of:,} {shown.words.unit}.)"
+    a, b, _ = shown.as_seen
+    return f"A: {a}. B: {b}. (Of {shown.of:,} {shown.words.unit}.)"

@@ -48,8 +48,9 @@ The other replies are:
     be left, as far as computed) and ``ready`` (as of ``outlook``).
 ``answers``
     The reply has ``answers``, oldest first, each with ``id``, ``number``, ``sentence``,
-    ``shown`` (both sides in words), ``verdict``, ``time``, ``withdrawn``, ``used`` and ``repeat``,
-    and ``conflicts``, lists of ids.
+    ``shown`` (both sides in words), ``verdict``, ``time``, ``withdrawn``, ``replaced`` (true if the
+    person has settled a difference since), ``used`` and ``repeat``, and ``conflicts``, lists of
+    ids.
 ``report``
     The reply has ``html``, a page to keep, and ``name`` for its file.
 ``download``
@@ -66,9 +67,7 @@ A screen has these fields:
 ``stage``
     "welcome", "practice", "question", "conflict", "offer" or "end".
 ``answered``
-    Number of answers that stand.
-``checks``
-    Number of repeated questions among the answers that stand.
+    Number of questions answered, repeated ones among them. A question's ``number`` is one more.
 ``open_conflicts``
     Number of answers that contradict others.
 ``budget``
@@ -108,9 +107,8 @@ though more could be asked, or null), ``scale`` (rows, best level first: ``label
 ``certainty`` (of the intervals), ``by_chance`` (a sentence on how often answers by chance would do
 as well in the checks, or ""), ``statements``, ``changes`` (``title``, ``note``, ``columns``,
 ``rows``, or null), ``downloads``, ``facts`` (pairs), ``limits``, ``counts`` and ``conflicts``
-(lists of ``id``, ``number`` and ``sentence``). ``counts`` has ``answered``, with ``equal``,
-``cannot tell`` and ``unused`` among them; ``withdrawn``; and ``repeated``, the questions that were
-put again, which nothing else counts, with ``alike`` of them answered as before.
+(lists of ``id``, ``number`` and ``sentence``). ``counts`` has the numbers of ``Counts``, and
+``given`` and ``checks`` say them in sentences.
 """
 
 from __future__ import annotations
@@ -129,6 +127,7 @@ from elicit.person.asker import Compares
 from elicit.person.beside import Beside, Company, in_minutes
 from elicit.person.course.choices import CHOICES, Choices
 from elicit.person.course.conduct import IN_CONFLICT, Conduct, differs
+from elicit.person.course.counts import Counts
 from elicit.person.course.pace import FEW_HASTY, Pace
 from elicit.person.course.start import START
 from elicit.person.drawing import Drawing
@@ -171,8 +170,8 @@ class Progress:
 
     @property
     def answered(self) -> int:
-        """Number of answers that stand, without the repeated questions."""
-        return sum(entry.stands and not entry.repeat for entry in self.entries)
+        """Number of questions answered, repeated ones among them."""
+        return Counts.of(self.entries).answered
 
     @property
     def last(self) -> str | None:
@@ -371,11 +370,11 @@ class Interview(Closing):
         if self._put != shown_now.id or self._chosen != self._kept:
             self._log_shown(shown_now)
         self.shown = shown_now
-        self._beside.accompany(shown_now, len(standing), self._questions.still_needed(conduct))
+        self._beside.accompany(shown_now, conduct, self._questions.still_needed(conduct))
         return {
             **screen,
             "stage": "question",
-            "question": drawn(shown_now, len(standing) + 1),
+            "question": drawn(shown_now, conduct.put + 1),
         }
 
     def _first_question(self) -> Iterator[None]:
@@ -403,8 +402,7 @@ class Interview(Closing):
             "note_beside": printable(words.note),
             "legend": legend_of(self._subject),
             "stage": "welcome",
-            "answered": sum(not entry.repeat for entry in standing),
-            "checks": sum(entry.repeat for entry in standing),
+            "answered": conduct.put,
             "open_conflicts": sum(CONTRADICTS in e.metadata and not e.used for e in standing),
             "budget": self._planned(conduct),
             "time": {"planned": self._chosen.minutes, "spent": pace.spent, "pace": pace.seconds},
@@ -422,7 +420,7 @@ class Interview(Closing):
         if self._chosen.minutes is None:
             return self._chosen.budget
         pace = Pace.of(self._session.log)
-        return conduct.answered + pace.questions_in(self._chosen.minutes)
+        return conduct.put + pace.questions_in(self._chosen.minutes)
 
     def _keep(self) -> None:
         """Log the person's choices while no question is on the screen, with the one that waits."""
@@ -499,7 +497,7 @@ class Interview(Closing):
 
     def _offer(self, conduct: Conduct) -> dict[str, Any] | None:
         """Return what the person is offered before the next question, or None."""
-        n = conduct.answered
+        n = conduct.put
         if n <= self._chosen.offered or not self._subject.least:
             return None
         stop = {"option": "finish", "label": "Finish now and show the result"}
@@ -532,7 +530,7 @@ class Interview(Closing):
         if option == "finish":
             return self._finish()
         conduct = self._session.conduct()
-        self._chosen.offered = conduct.answered
+        self._chosen.offered = conduct.put
         planned = self._planned(conduct)
         if planned is not None and self._chosen.offered >= planned:
             self._chosen.budget = self._chosen.minutes = None
@@ -556,7 +554,7 @@ class Interview(Closing):
         self._chosen.stopped = False
         if conduct.caution() is not None:
             self._chosen.heard = conduct.given
-        self._chosen.offered = conduct.answered
+        self._chosen.offered = conduct.put
         if self._session.question() is None:
             self._chosen.more = True
         return self._screen()

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from html import escape
 from typing import Any
 
+from elicit.person.course.counts import Counts
+
 _COLOURS = (
     (127, 39, 4),
     (217, 95, 14),
@@ -27,6 +29,7 @@ th, td { box-sizing: border-box; text-align: left; vertical-align: top; font-wei
 thead th, thead td { font-size: .85rem; color: #4a5864; border-top: 0; vertical-align: bottom; }
 .number { text-align: right; } .guess { width: 12%; } .range { width: 16%; } .drawn { width: 48%; padding: 0 1.2rem; }
 .scale tbody * { vertical-align: middle; } .nr { width: 3.2rem; overflow-wrap: normal; } .when { width: 11.2rem; } .remarks { width: 28%; }
+.levels th { width: 34%; }
 svg { display: block; width: 100%; overflow: visible; }
 .conflict { border: 1.5px solid #b45f00; background: #fff4dc; border-radius: 8px; padding: .2rem 1rem;
   margin: .8rem 0; }
@@ -36,18 +39,33 @@ svg { display: block; width: 100%; overflow: visible; }
 dl { display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1rem; font-size: .85rem; color: #4a5864; }
 dd { margin: 0; overflow-wrap: anywhere; }
 .log { border-top: 1px solid #c9d2da; margin-top: 2rem; padding-top: .6rem; font-size: .85rem; }
+summary { cursor: pointer; color: #0b4f8a; padding: .3rem 0; } details > table { margin-top: .4rem; }
 @media (min-width: 44rem) { .wide { table-layout: auto; } .wide th, .wide td { overflow-wrap: break-word; } }
 @media (max-width: 34rem) {
   body { margin-top: 1rem; } table { font-size: .9rem; } th, td { padding: .3rem .2rem; }
-  .drawn { width: 32%; padding: 0 .8rem; } .guess { width: 14%; } .range { width: 24%; }
-  .nr { width: 2rem; } .when { width: 6rem; } .remarks { width: 22%; }
+  .scale, .scale thead, .scale tbody, .scale caption, .answers, .answers tbody { display: block; }
+  .scale tr { display: grid; grid-template-columns: minmax(0, 1fr) 5.5rem 6rem; border-top: 1px solid #d9e0e6; }
+  .scale thead tr { border-top: 0; } .scale th, .scale td { border-top: 0; width: auto; }
+  .scale .drawn { grid-row: 2; grid-column: 1 / -1; padding: 0 .8rem; } .scale tbody .drawn { margin-top: -.5rem; }
+  .answers thead, .many thead { display: none; } .many, .many tbody { display: block; }
+  .many tr { display: grid; grid-template-columns: 1fr 1fr; gap: 0 1.2rem; padding: .4rem 0; border-top: 1px solid #d9e0e6; }
+  .many td { border-top: 0; padding: .1rem 0; display: flex; justify-content: space-between; gap: .6rem; }
+  .many td:first-child { grid-column: 1 / -1; font-weight: 600; }
+  .many td:not(:first-child)::before { content: attr(data-head); color: #4a5864; }
+  .answers tr { display: grid; grid-template-columns: 2.2rem minmax(0, 1fr); border-top: 1px solid #d9e0e6; }
+  .answers td { border-top: 0; padding: .1rem .2rem; } .answers td:nth-child(n+3) { grid-column: 2; }
+  .answers td:empty { display: none; }
 }
 @media print {
   body { margin: 0; max-width: none; font-size: 11pt; } thead { display: table-header-group; }
   tr, .conflict, h2 { break-inside: avoid; } h2 { break-after: avoid; }
+  details::details-content { content-visibility: visible; block-size: auto; }
   * { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
 }
 """  # noqa: E501
+
+
+_FEW_COLUMNS = 3  # that fit beside each other on a phone
 
 
 @dataclass(frozen=True)
@@ -56,6 +74,8 @@ class ReportDetails:
 
     Attributes
     ----------
+    who : str
+        The person who answered.
     log, checksum : str, optional
         The name of the file of the answers, and the end of its last line.
     preamble : str
@@ -63,11 +83,12 @@ class ReportDetails:
     legend : mapping, optional
         The meaning of the levels, as in the screens of ``Interview``.
     facts : mapping, optional
-        Facts that the report names, such as the person and the version.
+        Technical facts that the report names, such as the problem and the version.
     limits : sequence of str
         Sentences on what the result does not say.
     """
 
+    who: str = ""
     log: str | None = None
     checksum: str | None = None
     preamble: str = ""
@@ -105,9 +126,10 @@ def report_page(
     str
     """
     name = title or "Your judgement"
+    person = f"Person: {escaped(details.who)}. " if details.who else ""
     parts = [
         f"<h1>{escaped(name)}: a report</h1>",
-        f'<p class="soft">{escaped(when)}. {escaped(counted(end["counts"]))} '
+        f'<p class="soft">{person}{escaped(when)}. {escaped(counted(end["counts"]))} '
         f"{escaped(end.get('by_chance', ''))}</p>",
     ]
     if waiting:
@@ -129,23 +151,18 @@ def report_page(
     if details.preamble or details.legend:
         asked = asked_about(details.preamble, details.legend)
         parts += ["<h2>What was asked</h2>", *asked]
-    parts += ["<h2>Every answer</h2>", *_answers(answers, end["conflicts"])]
+    listed = f"Every answer, oldest first ({len(answers)})"
+    parts += ["<h2>Answers</h2>", f"<details><summary>{listed}</summary>"]
+    parts += [*_answers(answers, end["conflicts"]), "</details>"]
     if details.limits:
         parts.append("<h2>What this does not say</h2>")
         parts += [f"<p>{escaped(sentence)}</p>" for sentence in details.limits]
+    technical = dict(details.facts or {})
     if details.log is not None:
-        check = ""
+        technical["Answers are kept in"] = details.log
         if details.checksum is not None:
-            check = f", whose last line has the checksum {details.checksum}"
-        parts.append(
-            '<p class="soft log">The answers are kept in the file '
-            f"{escaped(details.log)}{escaped(check)}.</p>"
-        )
-    if details.facts:
-        named = "".join(
-            f"<dt>{escaped(k)}</dt><dd>{escaped(v)}</dd>" for k, v in details.facts.items()
-        )
-        parts.append(f"<dl>{named}</dl>")
+            technical["Checksum of its last line"] = details.checksum
+    parts += technical_details(technical)
     body = "\n".join(parts)
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -153,6 +170,13 @@ def report_page(
         f"<title>{escaped(name)}: a report</title>\n<style>{STYLE}</style>\n</head>\n"
         f"<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
     )
+
+
+def technical_details(facts: Mapping[str, str]) -> Iterator[str]:
+    """Return facts that only somebody who checks a report needs, folded."""
+    if facts:
+        named = "".join(f"<dt>{escaped(k)}</dt><dd>{escaped(v)}</dd>" for k, v in facts.items())
+        yield f'<details class="log"><summary>Technical details</summary><dl>{named}</dl></details>'
 
 
 def _headline(end: Mapping[str, Any]) -> Iterator[str]:
@@ -172,11 +196,23 @@ def _headline(end: Mapping[str, Any]) -> Iterator[str]:
 
 def _changes(changes: Mapping[str, Any]) -> Iterator[str]:
     yield f"<h2>{escaped(changes['title'])}</h2>\n<p>{escaped(changes['note'])}</p>"
-    if changes["rows"]:
-        head = "".join(f'<th scope="col">{escaped(name)}</th>' for name in changes["columns"])
-        yield f'<table class="wide">\n<thead><tr>{head}</tr></thead>\n<tbody>'
-        for row in changes["rows"]:
-            yield f"<tr>{''.join(f'<td>{escaped(cell)}</td>' for cell in row)}</tr>"
+    yield from _rows_of(changes)
+    if still_open := changes.get("open"):
+        yield f"<details><summary>{escaped(still_open['title'])}</summary>"
+        yield f"<p>{escaped(still_open['note'])}</p>"
+        yield from _rows_of(still_open)
+        yield "</details>"
+
+
+def _rows_of(table: Mapping[str, Any]) -> Iterator[str]:
+    if table["rows"]:
+        head = "".join(f'<th scope="col">{escaped(name)}</th>' for name in table["columns"])
+        many = " many" if len(table["columns"]) > _FEW_COLUMNS else ""
+        yield f'<table class="wide{many}">\n<thead><tr>{head}</tr></thead>\n<tbody>'
+        for row in table["rows"]:
+            cells = zip(table["columns"], row, strict=True)
+            each = (f'<td data-head="{escaped(name)}">{escaped(cell)}</td>' for name, cell in cells)
+            yield f"<tr>{''.join(each)}</tr>"
         yield "</tbody>\n</table>"
 
 
@@ -194,7 +230,7 @@ def asked_about(preamble: str, legend: Mapping[str, Any] | None) -> Iterator[str
             f"<td>{escaped(one['meaning'])}</td></tr>"
             for one in legend["levels"]
         )
-        yield f"<table><tbody>{rows}</tbody></table>"
+        yield f'<table class="levels"><tbody>{rows}</tbody></table>'
 
 
 def escaped(words: object) -> str:
@@ -204,19 +240,8 @@ def escaped(words: object) -> str:
 
 def counted(counts: Mapping[str, int]) -> str:
     """Return how many answers there were, of which kinds, and how repeats were answered."""
-    named = {
-        "equal": "equally good",
-        "cannot tell": "cannot tell",
-        "unused": "ignored because they contradict others",
-        "withdrawn": "more taken back",
-    }
-    among = ", ".join(f"{counts[key]} {words}" for key, words in named.items() if counts[key])
-    n, again = counts["answered"], counts.get("repeated", 0)
-    said = f"{n} {'answer' if n == 1 else 'answers'}{f' ({among})' if among else ''}."
-    if not again:
-        return said
-    questions = "question was" if again == 1 else "questions were"
-    return f"{said} {counts['alike']} of {again} repeated {questions} answered as before."
+    found = Counts.read(counts)
+    return f"{found.sentence} {found.checks}".strip()
 
 
 def _scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> Iterator[str]:
@@ -306,11 +331,12 @@ def _answers(
     head = "".join(
         f'<th scope="col" class="{name}">{words}</th>' for name, words in columns.items()
     )
-    yield f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>"
+    yield f'<table class="answers">\n<thead><tr>{head}</tr></thead>\n<tbody>'
     for number, one in enumerate(answers, 1):
-        stands = not one["withdrawn"]
+        stands, replaced = not one["withdrawn"], one.get("replaced", False)
         remarks = {
-            "taken back": not stands,
+            "replaced after a check": replaced,
+            "taken back": not stands and not replaced,
             "contradicts others": stands and one["id"] in among,
             "ignored": stands and not one["used"] and not one["repeat"],
             "asked again as a check": one["repeat"],

@@ -56,7 +56,8 @@ class Words:
     note
         What is said beside every result, such as "Not medical advice."
     loss
-        A loss in the problem's own unit. "{n}" stands for a number such as "3.8 in 100".
+        A loss in the problem's own unit, as a clause that follows "as much value as if", such as
+        "{n} patients died instead of recovering". "{n}" stands for such as "3.8 in 100".
     """
 
     unit: str = "days"
@@ -185,6 +186,18 @@ class Shown:
         every = zip(self.labels, range(len(self.labels)), *sides, self.common, strict=True)
         rows = [Row(label, level, a - both, b - both) for label, level, a, b, both in every]
         return tuple(row for row in reversed(rows) if row.a or row.b)
+
+    @property
+    def as_seen(self) -> tuple[str, str, str]:
+        """Both sides as they are on the screen, and what they have in common, in words."""
+        common = zip(self.labels, self.common, strict=True)
+        sides = (
+            [(row.a, row.label) for row in self.rows],
+            [(row.b, row.label) for row in self.rows],
+            [(n, label) for label, n in reversed([*common])],
+        )
+        a, b, same = (", ".join(f"{n:,} {label}" for n, label in side if n) for side in sides)
+        return a or "nothing", b or "nothing", same
 
     def sentence(self, verdict: Verdict | None) -> str:
         """Return the answer in words: "10 moderate rather than 4 recovered and 6 died"."""

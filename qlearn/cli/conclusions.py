@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from elicit.model.difference import tail_sums
 from elicit.model.outcomes import Status, assumed_of_answers
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats
-from elicit.person.course.conclusion import Conclusion, ResultTable, in_unit
+from elicit.person.course.conclusion import Conclusion, ResultTable, in_unit, per_hundred
 from elicit.person.showing import Words, printable
 from qlearn.learners.learner import Result
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -48,7 +48,7 @@ class InWords:
     legend: str = ""
 
     def loss(self, share: float) -> str:
-        """Return a loss in the problem's own unit."""
+        """Return a loss in the problem's own unit, after "it loses at most"."""
         return in_unit(share, self.words.unit, self.labels, self.words.loss)
 
 
@@ -71,54 +71,67 @@ def policy_conclusion(
         headline = "How much your plan could lose cannot be stated."
         after = "Another comparator can state it."
     elif settled:
-        headline = f"Your plan is settled. It falls short of your ideal plan by at most {most}."
+        headline = f"Your plan is settled. Compared with your ideal plan, it loses at most {most}."
         after, more = "You can stop here.", "More answers would narrow the values below."
     else:
         headline = (
-            f"Your plan is not settled. It could still fall short of your ideal plan by {most}."
+            f"Your plan is not settled. Compared with your ideal plan, it could still lose {most}."
         )
         after = {
             Status.CALLED_EQUAL: "What is still open, you called equally good.",
             Status.UNSURE: "Where you could not tell, the plan follows the best guess.",
             Status.EXHAUSTED: "Every question that would help was answered, or you could not tell.",
         }.get(result.status, "")
-        more = "" if after else f"More answers help. We stop below {told.loss(told.tolerance)}."
+        more = "" if after else f"More answers help. We stop below {per_hundred(told.tolerance)}."
     unasked = (
         ""
         if before is None
-        else f"Before your first answer it could have been {told.loss(before)}."
+        else f"Before your first answer it could have lost {told.loss(before)}."
     )
+    differing = _differing(mdp, result)
     return Conclusion(
         headline=headline,
         sure=_sure(result),
         next=after,
         more=more,
         before=unasked,
-        changes=_changes(told, mdp, action_words, result),
-        result=_whole_policy(mdp, action_words, result),
+        changes=_changes(told, mdp, action_words, result, differing),
+        result=_whole_policy(mdp, action_words, result, differing),
         settled=settled,
-        early=f"So far your plan falls short of your ideal plan by at most {most}. Your answers "
-        "are not checked yet.",
+        early=f"So far, compared with your ideal plan, your plan loses at most {most}. Your "
+        "answers are not checked yet.",
     )
 
 
-def _differing(mdp: OrdinalMDP, result: Result) -> tuple[Any, Any, Any]:
-    """Return the policy of equal steps (S,), and where the learned one differs from it.
+class _Differing(NamedTuple):
+    """The policy of equal steps (S,), and where the learned policy differs from it.
 
-    The second part are the states, the third whether it is certainly better there.
+    ``holds`` says for each of these ``states`` whether the learned action is certainly better.
     """
+
+    equal: Any
+    states: Any
+    holds: Any
+
+
+def _differing(mdp: OrdinalMDP, result: Result) -> _Differing:
+    """Compare the learned policy with that of equal steps."""
     equal = optimal_policy(mdp, np.linspace(0.0, 1.0, mdp.k), result.policy)
     states = np.flatnonzero((equal != result.policy) & ~mdp.terminal)
     d = result.q[states, result.policy[states]] - result.q[states, equal[states]]
     holds = decide(result.comparator, d).verdicts == Verdict.BETTER if len(states) else states > 0
-    return equal, states, holds
+    return _Differing(equal, states, holds)
 
 
 def _changes(
-    told: InWords, mdp: OrdinalMDP, action_words: Callable[[int], str], result: Result
+    told: InWords,
+    mdp: OrdinalMDP,
+    action_words: Callable[[int], str],
+    result: Result,
+    differing: _Differing,
 ) -> ResultTable:
-    """Return the states in which the answers change the action, for certain."""
-    equal, states, holds = _differing(mdp, result)
+    """Return the states in which the answers change the action, for certain or perhaps."""
+    equal, states, holds = differing
     live, n = int(np.count_nonzero(~mdp.terminal)), int(holds.sum())
     rest = len(states) - n
     some = ""
@@ -139,20 +152,34 @@ def _changes(
     if n and rest:
         some += f" In {rest} more your answers may change it, but that is still open."
     note = f"Compared with equal steps between the levels.{some}"
-    rows = tuple(
-        (mdp.state_name(s), action_words(int(equal[s])), action_words(int(result.policy[s])))
-        for s in states[holds].tolist()
+    certain, perhaps = (
+        tuple(
+            (mdp.state_name(s), action_words(int(equal[s])), action_words(int(result.policy[s])))
+            for s in some_states.tolist()
+        )
+        for some_states in (states[holds], states[~holds])
+    )
+    still_open = ResultTable(
+        f"Still open in {rest} of {live} {told.states}",
+        ("State", "With equal steps", "By the best guess so far"),
+        perhaps,
+        "Here the best guess so far differs from equal steps, but your answers do not decide it.",
+        "open state",
     )
     return ResultTable(
-        title, ("State", "With equal steps", "With your values"), rows, f"{note} {told.legend}"
+        title,
+        ("State", "With equal steps", "With your values"),
+        certain,
+        f"{note} {told.legend}",
+        open=still_open if rest else None,
     )
 
 
 def _whole_policy(
-    mdp: OrdinalMDP, action_words: Callable[[int], str], result: Result
+    mdp: OrdinalMDP, action_words: Callable[[int], str], result: Result, differing: _Differing
 ) -> ResultTable:
     """Return the action in every state that is not terminal, as a table to download."""
-    equal, states, holds = _differing(mdp, result)
+    equal, states, holds = differing
     change = dict(zip(states.tolist(), holds.tolist(), strict=True))
     words = {True: "certain", False: "open", None: "none"}
     rows = tuple(
@@ -184,8 +211,8 @@ def policy_stakes(told: InWords, result: Result) -> str | None:
     if np.isnan(result.loss_bound):
         return None
     return (
-        f"The plan could still fall short of your ideal plan by {told.loss(result.loss_bound)}. "
-        f"We stop below {told.loss(told.tolerance)}."
+        f"Compared with your ideal plan, the plan could still lose {told.loss(result.loss_bound)}. "
+        f"We stop below {per_hundred(told.tolerance)}."
     )
 
 
@@ -207,8 +234,9 @@ def choice_conclusion(
     """
     most, sure, best = told.loss(result.loss_bound), _sure(result), printable(result.name)
     settled = choice_holds(told, result)
-    no_better = "No other alternative is better"
-    no_better += f" by more than {most}." if result.loss_bound > 0 else "."
+    no_better = "No other alternative is better."
+    if result.loss_bound > 0:
+        no_better = f"Compared with any other alternative, it loses at most {most}."
     if settled:
         near = result.status is Status.CALLED_EQUAL and result.loss_bound > 0
         equal = ", or as good as any" if near else ""
@@ -217,14 +245,15 @@ def choice_conclusion(
         more = "More answers would make it surer." if result.loss_bound > 0 else ""
     else:
         headline = f"The choice is open. The best guess so far is “{result.name}”."
-        after = f"Another alternative may be better by as much as {most}. {sure}"
+        after = (
+            f"Another alternative may be better. Then the best guess loses at most {most}. {sure}"
+        )
         more = "More answers help."
         sure = ""  # it belongs to that sentence, not to the headline
     unasked = (
         ""
         if before is None
-        else "Before your first answer another alternative could have been better by as much as "
-        f"{told.loss(before)}."
+        else f"Before your first answer the choice could have lost {told.loss(before)}."
     )
     worth = _worth(told, names, shares, result)
     rows = tuple((row[0], *row[-2:], "chosen" if row[0] == best else "") for row in worth.rows)
@@ -283,4 +312,4 @@ def choice_stakes(told: InWords, result: Choice) -> str | None:
     """Return a sentence on what the choice can lose."""
     if np.isnan(result.loss_bound):
         return None
-    return f"Another alternative may still be better by as much as {told.loss(result.loss_bound)}."
+    return f"The choice could still lose {told.loss(result.loss_bound)}."

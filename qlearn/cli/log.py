@@ -59,6 +59,8 @@ def add_to(commands: Any) -> None:
 
 def show(files: list[Path]) -> int:
     """Print the answers of each log; returns the exit code."""
+    from elicit.person.course.counts import Counts
+
     code = 0
     for path in files:
         log, faults = _read(path)
@@ -87,24 +89,20 @@ def show(files: list[Path]) -> int:
                     cell.ljust(width) for cell, width in zip(row, widths, strict=True)
                 ).rstrip()
             )
+        print(Counts.of(log).sentence)
     return code
 
 
 def check(files: list[Path]) -> int:
     """Print whether each log is whole; returns the exit code."""
+    from elicit.person.course.counts import Counts
+
     code = 0
     for path in files:
         log, faults = _read(path)
         code |= _complain(faults)
         if log is not None and not faults:
-            entries = list(log)
-            withdrawn = sum(entry.retracted for entry in entries)
-            repeats = sum(entry.repeat and entry.stands for entry in entries)
-            unused = sum(not entry.used for entry in entries) - withdrawn - repeats
-            kinds = f"{withdrawn} of them withdrawn, {unused} unused" + (
-                f", {repeats} repeats" if repeats else ""
-            )
-            print(f"{path}: whole; {len(entries)} answers, {kinds}")
+            print(f"{path}: whole; {Counts.of(log).sentence}")
     return code
 
 

@@ -207,6 +207,10 @@ def _facts(
             "The plan comes from a statistical model of recorded treatments, and is not clinically "
             "plausible in every state."
         )
+        limits.append(
+            "“As if patients died” gives lost value a size that is easy to picture. It does not "
+            "predict deaths."
+        )
     if like:
         people = f"{len(like)} earlier {'person' if len(like) == 1 else 'people'}"
         more = (*more, ("Prior", f"learned from {people}: {', '.join(map(str, like))}"))
@@ -270,7 +274,7 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
         purpose="It works out how good each condition is to you, and plans sepsis treatment to "
         "match.",
         note="For research on algorithms. Not medical advice.",
-        loss="{n} patients dying instead of recovering",
+        loss="{n} patients died instead of recovering",
     )
     return entry.factory(), words, legend
 

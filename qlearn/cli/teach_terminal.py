@@ -7,10 +7,11 @@ import shutil
 import sys
 import textwrap
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Literal
 
 from elicit._support.file_errors import in_words
+from elicit.person.course.counts import Counts, in_answers
 from elicit.person.findings import ScaleRow
 from elicit.person.interview import Interview, Subject
 from elicit.person.session import Session
@@ -83,7 +84,7 @@ class Terminal:
         if screen["note_beside"]:
             self._say(screen["note_beside"])
         if screen["answered"]:
-            self._say(f"Going on after {_answers(screen['answered'])}.")
+            self._say(f"Going on after {in_answers(screen['answered'])}.")
             if self._questions is not None:
                 further = screen["answered"] + self._questions
                 screen = self._handle("start", budget=f"{further}")
@@ -232,8 +233,7 @@ class Terminal:
         self._say(f"\nAll answers are in {self._log.path}.")
 
     def _leave(self, code: int) -> int:
-        answered = sum(not entry.repeat for entry in self._log.standing)
-        self._say(f"Kept: {_answers(answered)}. To go on:")
+        self._say(f"Kept: {in_answers(Counts.of(self._log).answered)}. To go on:")
         print(f"  {printable(self._again)}", flush=True)
         return code
 
@@ -291,29 +291,11 @@ def say_report(screen: dict[str, Any], width: int) -> None:
             say(line, width)
 
 
-def _answers(n: int) -> str:
-    return f"{n} answer{'' if n == 1 else 's'}"
-
-
 def report_lines(screen: dict[str, Any], width: int) -> list[str]:
     """Return what was learned, as lines and paragraphs."""
     end = screen["end"]
-    counts = end["counts"]
-    kinds = (
-        ("equal", "equal"),
-        ("cannot tell", "cannot tell"),
-        ("unused", "ignored because they contradict others"),
-        ("withdrawn", "more taken back"),
-    )
-    among = ", ".join(f"{counts[n]} {name}" for n, name in kinds if counts[n])
-    lines = [f"\n{_answers(counts['answered'])}{f' ({among})' if among else ''}\n"]
-    if counts["repeated"]:
-        questions = "question was" if counts["repeated"] == 1 else "questions were"
-        lines.append(
-            f"{counts['alike']} of {counts['repeated']} repeated {questions} answered as before."
-        )
-    if end["by_chance"]:
-        lines.append(end["by_chance"])
+    lines = [f"\n{end['given']}\n"]
+    lines += [sentence for sentence in (end["checks"], end["by_chance"]) if sentence]
     said = (
         end["headline"],
         end["caution"],
@@ -328,23 +310,34 @@ def report_lines(screen: dict[str, Any], width: int) -> list[str]:
         lines += ["", *scale_report(rows, end["certainty"], width), ""]
     lines += end["statements"]
     if changes := end["changes"]:
-        lines += [f"\n{changes['title']}.", changes["note"]]
-        columns = changes["columns"][1:]
-        for first, *cells in changes["rows"][:_MOST_CHANGES]:
-            if changes["of"] == "state":
-                other, mine = cells
-                lines.append(f"  - {first}: {mine}, not {other}")
-            else:
-                each = zip(columns, cells, strict=True)
-                lines.append(f"  - {first}: {', '.join(f'{name} {cell}' for name, cell in each)}")
-        more = len(changes["rows"]) - _MOST_CHANGES
-        lines += [f"  - and {more} more"] if more > 0 else []
+        lines += _table_lines(changes)
+        if changes["open"]:
+            lines += _table_lines(changes["open"])
     for conflict in end["conflicts"]:
         many = "These answers contradict each other. Withdrawing any one of them fixes it."
         one = "This answer goes against the order of the levels."
         lines.append(f"\n{one if len(conflict) == 1 else many}")
         lines += [f"  - {entry['sentence']}" for entry in conflict]
     return [*lines, *end["limits"]]
+
+
+def _table_lines(table: dict[str, Any]) -> Iterator[str]:
+    """Return the title, the note and the first rows of a table."""
+    yield f"\n{table['title']}."
+    yield table["note"]
+    for first, *cells in table["rows"][:_MOST_CHANGES]:
+        if table["of"] == "state":
+            other, mine = cells
+            yield f"  - {first}: {mine}, not {other}"
+        elif table["of"] == "open state":
+            other, mine = cells
+            yield f"  - {first}: perhaps {mine} in place of {other}"
+        else:
+            each = zip(table["columns"][1:], cells, strict=True)
+            yield f"  - {first}: {', '.join(f'{name} {cell}' for name, cell in each)}"
+    more = len(table["rows"]) - _MOST_CHANGES
+    if more > 0:
+        yield f"  - and {more} more"
 
 
 def scale_report(rows: Sequence[ScaleRow], certainty: str, width: int) -> list[str]:

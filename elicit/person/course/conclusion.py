@@ -21,6 +21,8 @@ class ResultTable:
         The cells of each row, as texts.
     of
         What a row is about, in the singular.
+    open
+        A table of further rows that do not hold for certain, if there are any.
     """
 
     title: str
@@ -28,6 +30,7 @@ class ResultTable:
     rows: tuple[tuple[str, ...], ...] = ()
     note: str = ""
     of: str = "state"
+    open: ResultTable | None = None
 
 
 @dataclass(frozen=True)
@@ -112,7 +115,9 @@ def per_hundred(share: float) -> str:
 
 
 def in_unit(share: float, unit: str, labels: Sequence[str], own: str = "") -> str:
-    """Return a loss in the problem's own unit.
+    """Return the size of a loss in the problem's own unit, after "it loses at most".
+
+    It is said as a comparison ("as if"), because a loss of value is no forecast of outcomes.
 
     Parameters
     ----------
@@ -123,14 +128,12 @@ def in_unit(share: float, unit: str, labels: Sequence[str], own: str = "") -> st
     labels : (k,) str
         Names of the levels, worst first.
     own : str
-        The problem's own phrase, in which "{n}" stands for such as "3.8 in 100".
+        The problem's own clause, in which "{n}" stands for such as "3.8 in 100".
 
     Returns
     -------
     str
-        Such as "3.8 in 100 days at “worst” instead of “best”".
+        Such as "as much value as if 3.8 in 100 days were at “worst” instead of “best”".
     """
-    n = per_hundred(share)
-    if own:
-        return own.replace("{n}", n)
-    return f"{n} {unit} at “{labels[0]}” instead of “{labels[-1]}”"
+    clause = own or f"{{n}} {unit} were at “{labels[0]}” instead of “{labels[-1]}”"
+    return f"as much value as if {clause.replace('{n}', per_hundred(share))}"

@@ -57,16 +57,18 @@ def choice_of(answer: Answer) -> Kind:
 
 def repeats_in(log: Iterable[Entry]) -> list[Entry]:
     """Return the repeats that count: those that stand, and those that the person has settled."""
-    return [
-        entry
-        for entry in log
-        if entry.repeat and (entry.retraction is None or RESOLVED in entry.retraction)
-    ]
+    return [entry for entry in log if entry.repeat and (entry.stands or was_settled(entry))]
+
+
+def was_settled(entry: Entry) -> bool:
+    """Return whether the person has said since what they mean by this answer and its repeat."""
+    return RESOLVED in (entry.retraction or {})
 
 
 def differs(entry: Entry) -> bool:
-    """Return whether a repeat was answered otherwise than the first time."""
-    return bool(entry.metadata[EXPECTED] != entry.answer.verdict)
+    """Return whether a repeat was answered otherwise than the first time, as far as is known."""
+    said = entry.answer.verdict
+    return bool(entry.metadata.get(EXPECTED, said) != said)
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,8 @@ class Conduct:
         How many answers at the end are that choice.
     taken_back
         Answers taken back because they contradicted others.
+    repeated
+        Answers to repeated questions.
     """
 
     answered: int
@@ -97,6 +101,7 @@ class Conduct:
     last: Kind | None
     in_a_row: int
     taken_back: int = 0
+    repeated: int = 0
 
     @staticmethod
     def of(log: Sequence[Entry]) -> Conduct:
@@ -107,7 +112,7 @@ class Conduct:
             entry
             for entry in log
             if entry.answer.query.id.startswith(ORDER)
-            and (entry.retraction is None or RESOLVED in entry.retraction)
+            and (entry.stands or was_settled(entry))
             and entry.answer.verdict is not None
         ]
         said = [choice_of(entry.answer) for entry in log if entry.stands]
@@ -124,7 +129,25 @@ class Conduct:
             last=last,
             in_a_row=row,
             taken_back=sum(IN_CONFLICT in (entry.retraction or {}) for entry in log),
+            repeated=len(repeats),
         )
+
+    @property
+    def put(self) -> int:
+        """Questions answered, repeated ones among them, as the screens count them."""
+        return self.answered + self.repeated
+
+    def checks_beside(self, more: int, least: int) -> int:
+        """Return how many checks come with so many more answers, if all are answered alike.
+
+        Parameters
+        ----------
+        more : int
+            Further answers, without repeats.
+        least : int
+            Fewest checks that must still come.
+        """
+        return max(least, (self.answered + more) // _EVERY + self.differed - self.checks)
 
     @property
     def given(self) -> int:

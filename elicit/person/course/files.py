@@ -17,6 +17,10 @@ _FORMULA = ("=", "+", "-", "@", "\t")  # with which a spreadsheet begins a formu
 class ShowsCounts(Protocol):
     """A question as it is shown."""
 
+    @property
+    def as_seen(self) -> tuple[str, str, str]:
+        """Both sides in words, and what they have in common."""
+
     def record(self) -> dict[str, Any]:
         """Return its counts."""
 
@@ -49,7 +53,7 @@ def as_json(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def answer_row(number: int, entry: Entry, shown: ShowsCounts, sentence: str) -> dict[str, Any]:
-    """Return an answer as a row of a table, with the question as it was shown.
+    """Return an answer as a row of a table: the question as it was shown, and all its counts.
 
     Parameters
     ----------
@@ -65,6 +69,7 @@ def answer_row(number: int, entry: Entry, shown: ShowsCounts, sentence: str) -> 
     dict
     """
     counts = shown.record()
+    seen_a, seen_b, same = shown.as_seen
     return {
         "number": number,
         "time": entry.metadata.get("time"),
@@ -73,6 +78,9 @@ def answer_row(number: int, entry: Entry, shown: ShowsCounts, sentence: str) -> 
         "b": " ".join(map(str, counts["b"])),
         "of": counts["of"],
         "unit": counts["unit"],
+        "shown_a": seen_a,
+        "shown_b": seen_b,
+        "same_in_both": same,
         "chosen": choice_of(entry.answer),
         "sentence": sentence,
         "seconds": entry.metadata.get("latency"),

@@ -16,10 +16,12 @@ from elicit.person.report import (
     counted,
     escaped,
     interval_picture,
+    technical_details,
 )
 
 _MORE_STYLE = """
 .wide { overflow-x: auto; } .wide table { table-layout: auto; } .wide td { white-space: nowrap; }
+.wide th { overflow-wrap: normal; }
 .each td, .each th { border-top: 0; padding: .1rem .6rem; vertical-align: middle; overflow-wrap: anywhere; }
 .each .level { border-top: 1px solid #d9e0e6; font-weight: 600; padding-top: .5rem; }
 .each .name { width: 22%; } .each .drawn { width: auto; } .each .number { width: 28%; }
@@ -127,8 +129,7 @@ def study_page(
         if one.log is not None:
             check = "" if one.checksum is None else f" (checksum of the last line {one.checksum})"
             facts[f"Log of {one.who}"] = f"{one.log}{check}"
-    named = "".join(f"<dt>{escaped(k)}</dt><dd>{escaped(v)}</dd>" for k, v in facts.items())
-    parts.append(f'<div class="log"><dl>{named}</dl></div>')
+    parts += technical_details(facts)
     body = "\n".join(parts)
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'

@@ -235,8 +235,9 @@ class OfLength:
 
 ALL = "In all of 12 simulated sessions the result was settled by then."
 OPEN = (
-    "In {} of 12 simulated sessions the result was settled by then. In half of all 12, "
-    "what could still be lost was at most {} in 100 people at “died” instead of “well”."
+    "In {} of 12 simulated sessions the result was settled by then. In half of all 12 "
+    "it could still lose at most as much value as if {} in 100 people were at “died” instead "
+    "of “well”."
 )
 LENGTH = "Half of the simulated sessions took at most {} questions, about {} minutes."
 

@@ -38,6 +38,10 @@ def test_the_changes_listed_are_the_certain_ones(name: str, seed: int) -> None:
             for s in certain.tolist()
         ]
         n, rest = len(certain), len(states) - len(certain)
+        still_open = [] if changes.open is None else [row[0] for row in changes.open.rows]
+        assert still_open == [mdp.state_name(s) for s in states.tolist() if s not in certain]
+        if changes.open is not None:
+            assert changes.open.title == f"Still open in {rest} of 8 states"
         found.add((min(n, 2), min(rest, 1)))
         each = "each " if n > 1 and name == "posterior" else ""
         held = "This change holds" if n == 1 else "These changes hold"

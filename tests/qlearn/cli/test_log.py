@@ -26,6 +26,9 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "log.jsonl"
 
 
+COUNTED = "3 answers (1 cannot tell, 1 ignored because they contradict others, 1 more taken back)."
+
+
 def damage(path: Path) -> Path:
     damaged = path.with_name("damaged")
     data = path.read_bytes()
@@ -35,7 +38,7 @@ def damage(path: Path) -> Path:
 
 def test_show(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["log", "show", str(path)]) == 0
-    title, head, *rows = capsys.readouterr().out.splitlines()
+    title, head, *rows, counted = capsys.readouterr().out.splitlines()
     assert title == f"{path} (k: 3, unit: days)"
     assert head.split() == ["time", "who", "question", "answer", "seconds", "about"]
     assert [row.split() for row in rows] == [
@@ -44,11 +47,12 @@ def test_show(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         ["3", "c", "right,", "unused"],
         ["4", "d", "equal,", "withdrawn"],
     ]
+    assert counted == COUNTED
 
 
 def test_check(path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["log", "check", str(path)]) == 0
-    assert capsys.readouterr().out == f"{path}: whole; 4 answers, 1 of them withdrawn, 1 unused\n"
+    assert capsys.readouterr().out == f"{path}: whole; {COUNTED}\n"
     old = tmp_path / "old"
     old.write_text('{"format": "elicit answers", "version": 1, "k": 3}\n')
     assert cli.main(["log", "check", str(old)]) == 1
@@ -78,7 +82,8 @@ def test_check_counts_repeats_apart_from_what_is_unused(
         log.append(Answer(again, 1), used=False, **{REPEATS: "a"})  # type: ignore[arg-type]
         log.append(Answer(Query("b", LEFT, RIGHT), -1), used=False)  # type: ignore[arg-type]
     assert cli.main(["log", "check", str(path)]) == 0
-    said = f"{path}: whole; 3 answers, 0 of them withdrawn, 1 unused, 1 repeats\n"
+    kinds = "1 to repeated questions, 1 ignored because they contradict others"
+    said = f"{path}: whole; 3 answers ({kinds}).\n"
     assert capsys.readouterr().out == said
 
 

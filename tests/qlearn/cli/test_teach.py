@@ -159,8 +159,8 @@ def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: P
     said = report(teach.shown)
     sure = "if your answers are right" if comparator == "polytope" else "with 95% probability"
     loss = (
-        r"settled. It falls short of your ideal plan by at most ([\d.]+) in 100 days being "
-        r"“level 1” instead of "
+        r"settled. Compared with your ideal plan, it loses at most as much value as if ([\d.]+) in "
+        r"100 days were at “level 1” instead of "
         rf"“level 5”. This holds {sure}\."
     )
     bound = re.search(loss, " ".join(said.split()))
@@ -206,7 +206,7 @@ def test_where_no_bags_tell_more_whole_numbers_near_the_shares_go_on(
     )
     assert "There are no more questions" in said
     assert "(Rounded" not in said  # else what is certified could be untrue
-    bound = re.search(r"It falls short of your ideal plan by at most ([\d.]+) in 100", said)
+    bound = re.search(r"ideal plan, it loses at most as much value as if ([\d.]+) in 100", said)
     assert bound
     assert float(bound[1]) <= 0.1
     log = AnswerLog.read(tmp_path / "answers-random.jsonl")
@@ -238,7 +238,7 @@ def test_a_smaller_tolerance_goes_on_where_a_greater_one_ended(
         bounds += [
             float(found) / 100
             for found in re.findall(
-                r"falls short of your ideal plan by at most ([\d.]+) in 100", said
+                r"ideal plan, it loses at most as much value as if ([\d.]+) in 100", said
             )
         ]
         assert bounds[-1] <= float(tolerance)
@@ -256,7 +256,7 @@ def test_killed_at_random_moments_nothing_is_lost_and_the_end_is_the_same(tmp_pa
     for _ in range(3):
         with Teach(tmp_path, "--problem", "random", "--log", "killed.jsonl") as teach:
             first = teach.prompted()
-            assert (f"Going on after {kept - repeats} answer" in first) == (kept > 0)
+            assert (f"Going on after {kept} answer" in first) == (kept > 0)
             practised = int(not kept)
             acknowledged = (
                 kept + len(answer_all(teach, VALUES, practised + chance.randint(0, 2))) - practised
@@ -350,7 +350,7 @@ def test_what_a_choice_can_lose_is_the_same_of_counts_and_of_shares(tmp_path: Pa
         said.append((course.subject.stakes(result), concluded.next))
     assert said[0] == said[1]
     lost = re.search(
-        r"better by as much as ([\d.]+) in 100 outcomes at “died” instead of “well”",
+        r"lose as much value as if ([\d.]+) in 100 outcomes were at “died” instead of “well”",
         str(said[0][0]),
     )
     assert lost
@@ -404,7 +404,7 @@ def test_a_plan_is_said_before_the_first_question_and_ends_the_session(
     assert said.index(plan) < said.index("Question 1")
     assert "You planned 2 questions, and answered 2." in said
     assert "This is the result so far. More could be asked." in said
-    assert "It could still fall short of your ideal plan by" in said
+    assert "it could still lose as much value as if" in said
     code, shown, _ = taught("a\n" * 2 + "q\n", monkeypatch, capsys, *options, "--log", log)
     assert "You planned 4 questions, and answered 4." in " ".join(shown.split())
     with pytest.raises(SystemExit):
@@ -756,7 +756,7 @@ def test_a_family_is_taught_in_its_own_words_and_a_seed_draws_it(
     )
     assert "A steady post or a venture" in shown
     assert "Two groups of 10 years" in shown
-    assert "It falls short of your ideal plan by at most" in report(shown)
+    assert "it loses at most as much value as if" in " ".join(report(shown).split())
 
 
 def test_two_people_in_one_folder_have_a_log_each(

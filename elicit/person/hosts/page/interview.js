@@ -34,6 +34,7 @@ export function mount(root, send, options = {}) {
   let untouched = 0; // a timer
   let letters = remembered(); // whether single letters answer
   let expected = null; // questions in all, as it looked last
+  let furthest = 0; // the widest that the bar was, in percent
 
   const banner = part("div", "banner", { role: "alert" });
   const brand = part("div", "brand");
@@ -58,7 +59,7 @@ export function mount(root, send, options = {}) {
 
   // One thing at a time: `job` is done while the buttons wait, and what it changed is drawn, unless it returns STAYS.
   // A failure is told, with a button that does it again; `lost` says what is not done.
-  async function act(job, lost = "This cannot be shown yet.") {
+  async function act(job, lost = "This cannot be shown yet.", wait = NEXT) {
     if (busy) return;
     busy = true;
     turn += 1;
@@ -66,7 +67,7 @@ export function mount(root, send, options = {}) {
     const before = document.activeElement;
     sheet.setAttribute("aria-busy", "true");
     enable(false);
-    const slow = setTimeout(() => say(waiting, "Working out what comes next ..."), SLOW);
+    const slow = setTimeout(() => say(waiting, wait.words), wait.after);
     let stays = false;
     try {
       stays = (await job()) === STAYS;
@@ -85,11 +86,15 @@ export function mount(root, send, options = {}) {
     before?.focus({ preventScroll: true });
   }
 
-  const show = (message, lost) =>
-    act(async () => {
-      screen = await send(message);
-      view = "stage";
-    }, lost);
+  const show = (message, lost, wait) =>
+    act(
+      async () => {
+        screen = await send(message);
+        view = "stage";
+      },
+      lost,
+      wait,
+    );
 
   function answer(choice, words) {
     if (screen.stage === "practice") return show({ do: "practised", choice });
@@ -195,19 +200,24 @@ export function mount(root, send, options = {}) {
     drawn = true;
   }
 
-  // How far the interview is: of the questions that the person planned, or of those that it will likely take.
-  function fill(most) {
+  // How far the interview is: of the questions that the person planned, or of those that it will likely take. `reply` is
+  // what came in beside the question. Without one the bar stays where it is, for the last forecast may be too low.
+  function fill(reply) {
     const done = screen.answered;
-    if (most !== null) expected = done + 1 + most;
+    const over = screen.stage === "end" && screen.end.finished;
+    if (reply?.to_come) expected = done + 1 + reply.to_come[1];
+    else if (reply && expected) expected = Math.max(expected, done + 1 + (reply.at_least ?? 0));
     const all = Math.min(screen.budget ?? Infinity, expected ?? Infinity);
-    bar.firstChild.style.width = screen.stage === "end" ? "100%" : all < Infinity ? `${Math.min(100, (100 * done) / all)}%` : "0";
-    bar.hidden = ["welcome", "practice"].includes(screen.stage) || (all === Infinity && screen.stage !== "end");
+    // new forecasts do not take back what was reached
+    if (reply && all < Infinity) furthest = Math.max(furthest, Math.min(100, (100 * done) / all));
+    bar.firstChild.style.width = `${over ? 100 : furthest}%`;
+    bar.hidden = ["welcome", "practice"].includes(screen.stage) || !(over || furthest);
+    if (over) [expected, furthest] = [null, 0]; // whoever asks for more begins anew
   }
 
   function foot() {
     const n = screen.answered;
-    const again = screen.checks ? ` and ${screen.checks} ${screen.checks === 1 ? "check" : "checks"}` : "";
-    const words = n ? `${n} ${n === 1 ? "answer" : "answers"}${again} saved ${where}` : "Nothing answered yet";
+    const words = n ? `${n} ${n === 1 ? "answer" : "answers"} saved ${where}` : "Nothing answered yet";
     const tick = part("span", "tick", { "aria-hidden": "true" }, ["✓ "]);
     if (!saved.textContent.endsWith(words)) saved.replaceChildren(...(n ? [tick, words] : [words]));
     const going = screen.stage !== "end" && screen.stage !== "welcome";
@@ -217,7 +227,7 @@ export function mount(root, send, options = {}) {
       ...(view === "answers" ? [] : lists),
       shortcuts(),
       ...(view === "pause" || !going ? [] : [button("link", "Pause", () => look("pause"))]),
-      ...(going ? [button("link", "Finish now", () => show({ do: "finish" }))] : []),
+      ...(going ? [button("link", "Finish now", () => show({ do: "finish" }, undefined, RESULT))] : []),
     );
   }
 
@@ -246,13 +256,14 @@ export function mount(root, send, options = {}) {
 
   function legendOf() {
     const all = screen.legend.levels;
+    const meant = all.some((one) => one.meaning);
     const rows = all.map((one) =>
       part("tr", "", {}, [
         part("th", "", { scope: "row" }, [icon(one.level, all.length, colourOf(one.level, all.length)), one.label]),
-        part("td", "", {}, [one.meaning]),
+        ...(meant ? [part("td", "", {}, [one.meaning])] : []),
       ]),
     );
-    const table = part("table", "legend", {}, [part("tbody", "", {}, rows)]);
+    const table = part("table", meant ? "legend" : "legend short", {}, [part("tbody", "", {}, rows)]);
     const stays = screen.legend.duration ? [part("p", "soft", {}, [screen.legend.duration])] : [];
     return [...stays, table];
   }
@@ -332,6 +343,9 @@ export function mount(root, send, options = {}) {
     if (most > 20 && asked.icons) pair.classList.add("small");
     if (asked.rows.length > 7) pair.classList.add("many");
     pair.style.setProperty("--digits", thousands(most).length);
+    // a longer word may be broken
+    const word = Math.max(...asked.rows.flatMap((row) => row.label.split(/[\s-]+/).map((one) => one.length)), 0);
+    pair.style.setProperty("--word", `${0.6 * Math.min(12, word)}em`);
     for (const [i, side] of ["a", "b"].entries()) {
       const words = `${asked.sides[i]} is better`;
       const heading = part("h2", "", {}, [asked.sides[i]]);
@@ -401,8 +415,11 @@ export function mount(root, send, options = {}) {
   function offer() {
     const { heading, text, options: some } = screen.offer;
     const buttons = some.map(({ option, label }) =>
-      button("alt", label, () => (option === "pause" ? look("pause") : show({ do: "choose", option }))),
+      button("alt", label, () => (option === "pause" ? look("pause") : choose(option))),
     );
+    function choose(option) {
+      show({ do: "choose", option }, undefined, option === "finish" ? RESULT : NEXT);
+    }
     const parts = [part("p", "", {}, [text]), part("div", "mid options stack", {}, buttons)];
     return [{ heading: [heading], name: "A break", more: "" }, ...parts, part("div", "mid", {}, [undoing()])];
   }
@@ -415,7 +432,7 @@ export function mount(root, send, options = {}) {
     progress.lastChild.textContent = sooner
       ? planned(screen.time, screen.answered, screen.budget)
       : toCome(beside.to_come, screen.time.pace, beside.at_least);
-    fill(beside.to_come ? beside.to_come[1] : null);
+    fill(beside);
     const why = body.querySelector(".why");
     why?.querySelectorAll("p").forEach((p) => p.remove());
     const said = beside.why.length || beside.ready ? beside.why : ["Still being worked out ..."];
@@ -440,19 +457,12 @@ export function mount(root, send, options = {}) {
   }
 
   function end() {
-    const { open, scale, certainty, statements, counts, conflicts, changes, caution, remarks, settled, more } = screen.end;
-    const among = [
-      [counts.equal, "equally good"], [counts["cannot tell"], "cannot tell"],
-      [counts.unused, "ignored because they contradict others"], [counts.withdrawn, "more taken back"],
-    ];
-    const some = among.filter(([n]) => n).map(([n, words]) => `${n} ${words}`);
-    const said = `${counts.answered} ${counts.answered === 1 ? "answer" : "answers"}`;
-    const given = some.length ? `${said} (${some.join(", ")}).` : `${said}.`;
+    const { open, scale, certainty, statements, conflicts, changes, caution, remarks, settled, more } = screen.end;
     const top = [part("p", settled ? "status good" : "status", {}, [settled ? "✓ Settled" : "Not settled"])];
     for (const said of [caution, ...remarks].filter(Boolean)) top.push(part("p", "caution", {}, [said]));
     const facts = [
-      ["How sure", screen.end.sure], ["Before", screen.end.before], ["Next", screen.end.next], ["You gave", given],
-      ["Checks", `${checks(counts)} ${screen.end.by_chance}`.trim()],
+      ["How sure", screen.end.sure], ["Before", screen.end.before], ["Next", screen.end.next], ["You gave", screen.end.given],
+      ["Checks", `${screen.end.checks} ${screen.end.by_chance}`.trim()],
     ].filter(([, text]) => text);
     top.push(part("dl", "facts", {}, facts.flatMap(([a, b]) => [part("dt", "", {}, [a]), part("dd", "", {}, [b])])));
     const doing = [button("pick", "Download report", keep)];
@@ -465,9 +475,8 @@ export function mount(root, send, options = {}) {
     if (changes) parts.push(changed(changes));
     if (statements.length) parts.push(section("What else follows", lines(statements)));
     parts.push(section("Downloads", [files(screen.end.downloads)]));
-    const named = screen.end.facts.map(([a, b]) => `${a}: ${b}`).join(" · ");
-    const rest = [...screen.end.limits, named].filter(Boolean).map((line) => part("p", "soft small", {}, [line]));
-    parts.push(part("div", "part", {}, rest));
+    const rest = screen.end.limits.map((line) => part("p", "soft small", {}, [line]));
+    parts.push(part("div", "part", {}, [...rest, ...technical(screen.end.facts)]));
     return [{ heading: [screen.end.headline || "There are no more questions"], name: "Result", more: "" }, ...parts];
   }
 
@@ -484,33 +493,46 @@ export function mount(root, send, options = {}) {
     return part("ul", "list", {}, rows);
   }
 
-  // What the answers change: a heading, a note, and a table that is folded and can be filtered.
-  function changed({ title, note: remark, columns, rows, of }) {
+  // What the answers change: a heading, a note, and a table that is folded and can be filtered. What is still open has a
+  // table of its own.
+  function changed({ title, note: remark, columns, rows, of, open }) {
     const made = [part("p", "soft", {}, [remark])];
-    if (rows.length) {
-      const found = part("p", "soft small", { role: "status" }, [`${rows.length} of ${rows.length} shown`]);
-      const field = part("input", "field", { type: "search", id: "elicit-filter", autocomplete: "off" });
-      const lines = rows.map((row) =>
-        part("tr", "", {}, row.map((cell, i) => part(i ? "td" : "th", "", i ? {} : { scope: "row" }, [cell]))),
-      );
-      field.addEventListener("input", () => {
-        const wanted = field.value.trim().toLowerCase();
-        let n = 0;
-        for (const [i, line] of lines.entries()) {
-          line.hidden = !rows[i].join(" ").toLowerCase().includes(wanted);
-          n += !line.hidden;
-        }
-        say(found, `${n} of ${rows.length} shown`);
-      });
-      const head = part("tr", "", {}, columns.map((column) => part("th", "", { scope: "col" }, [column])));
-      const table = part("table", "changes", {}, [part("thead", "", {}, [head]), part("tbody", "", {}, lines)]);
-      const label = part("label", "", { for: "elicit-filter" }, ["Filter the table "]);
-      const scrolls = part("div", "scrolls", { tabindex: "0", role: "region", "aria-label": title }, [table]);
-      const words = rows.length === 1 ? `Show the ${of}` : `Show the ${rows.length} ${of}s`;
-      const filter = part("div", "filter", {}, [label, field, found]);
-      made.push(part("details", "panel", {}, [part("summary", "", {}, [words]), filter, scrolls]));
+    if (rows.length) made.push(folded(title, columns, rows, of, [], "elicit-filter"));
+    if (open) {
+      const said = [part("p", "soft", {}, [open.note])];
+      made.push(folded(open.title, open.columns, open.rows, open.of, said, "elicit-filter-open"));
     }
     return section(title, made);
+  }
+
+  function folded(title, columns, rows, of, said, id) {
+    const found = part("p", "soft small", { role: "status" }, [`${rows.length} of ${rows.length} shown`]);
+    const field = part("input", "field", { type: "search", id, autocomplete: "off" });
+    const lines = rows.map(([first, ...cells]) =>
+      part("tr", "", { role: "row" }, [
+        part("th", "", { scope: "row", role: "rowheader" }, [first]),
+        ...cells.map((cell, i) => part("td", "", { role: "cell", "data-head": columns[i + 1] }, [cell])),
+      ]),
+    );
+    field.addEventListener("input", () => {
+      const wanted = field.value.trim().toLowerCase();
+      let n = 0;
+      for (const [i, line] of lines.entries()) {
+        line.hidden = !rows[i].join(" ").toLowerCase().includes(wanted);
+        n += !line.hidden;
+      }
+      say(found, `${n} of ${rows.length} shown`);
+    });
+    const heads = columns.map((column) => part("th", "", { scope: "col", role: "columnheader" }, [column]));
+    const table = part("table", columns.length > 3 ? "changes many" : "changes", { role: "table" }, [
+      part("thead", "", { role: "rowgroup" }, [part("tr", "", { role: "row" }, heads)]),
+      part("tbody", "", { role: "rowgroup" }, lines),
+    ]);
+    const label = part("label", "", { for: id }, ["Filter the table "]);
+    const scrolls = part("div", "scrolls", { tabindex: "0", role: "region", "aria-label": title }, [table]);
+    const words = rows.length === 1 ? `Show the ${of}` : `Show the ${rows.length} ${of}s`;
+    const filter = rows.length > FEW ? [part("div", "filter", {}, [label, field, found])] : [];
+    return part("details", "panel", {}, [part("summary", "", {}, [words]), ...said, ...filter, scrolls]);
   }
 
   // Answers that contradict each other, each of which can be taken back.
@@ -538,12 +560,13 @@ export function mount(root, send, options = {}) {
     const among = new Set(listed.conflicts.flat());
     const items = listed.answers.map((one) => {
       const tags = [];
-      if (one.withdrawn) tags.push("taken back");
+      if (one.withdrawn) tags.push(one.replaced ? "replaced after a check" : "taken back");
       else if (among.has(one.id)) tags.push("contradicts others");
       if (!one.withdrawn && !one.used && !one.repeat) tags.push("ignored");
       if (one.repeat) tags.push("asked again as a check");
       const number = part("span", "soft", {}, [`${one.number}. `]);
-      const words = part("span", "words", {}, [number, part(one.withdrawn ? "s" : "span", "", {}, [one.sentence])]);
+      const said = part("span", "", {}, [number, part(one.withdrawn ? "s" : "span", "", {}, [one.sentence])]);
+      const words = part("span", "words", {}, [said]);
       words.append(...tags.map((tag) => part("span", "tag", {}, [tag])));
       const when = one.time && new Date(one.time).toLocaleString(undefined, WHEN);
       if (when) words.append(part("time", "soft", { datetime: one.time }, [when]));
@@ -620,6 +643,9 @@ export function mount(root, send, options = {}) {
   };
 }
 
+const FEW = 8; // rows that need no filter
+const NEXT = { words: "Working out what comes next ...", after: SLOW };
+const RESULT = { words: "Working out your result ...", after: 50 };
 const TRY = "Practice question: your answer is not saved.";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
 const MENDS = "Withdrawing any one of them fixes it. The others stay.";
@@ -628,7 +654,7 @@ const WHEN = { dateStyle: "medium", timeStyle: "short" };
 const FILES = {
   scale: ["Scale", "the value and range of each level"],
   policy: ["Result", "what is chosen, and where your answers change it"],
-  answers: ["Answers", "as you saw them"],
+  answers: ["Answers", "each one, with both sides as you saw them"],
 };
 const REMEMBERED = "elicit: letter keys";
 
@@ -668,6 +694,14 @@ export function button(name, words, done, key, shortcut) {
 
 export function section(title, inside) {
   return part("section", "part", {}, [part("h2", "", {}, [title]), ...inside]);
+}
+
+// What only somebody who checks a result needs: the problem, the seed, and so on.
+export function technical(facts) {
+  if (!facts.length) return [];
+  const named = facts.flatMap(([name, value]) => [part("dt", "", {}, [name]), part("dd", "", {}, [value])]);
+  const summary = part("summary", "", {}, ["Technical details"]);
+  return [part("details", "technical", {}, [summary, part("dl", "facts small", {}, named)])];
 }
 
 // Lines as paragraphs; those that are indented as a list under the one before.
@@ -724,27 +758,32 @@ export function colourOf(level, levels) {
 // What the levels are worth, as a table whose middle column is a picture. A level that no answer is about is unknown.
 function worth(scale, certainty) {
   const head = ["Level", null, "Best guess", "Range"].map((words) =>
-    words ? part("th", "", { scope: "col" }, [words]) : part("td", "drawn", {}, [axis()]),
+    words
+      ? part("th", "", { scope: "col", role: "columnheader" }, [words])
+      : part("td", "drawn", { role: "cell" }, [axis()]),
   );
   const rows = scale.map(({ label, value, low, high, asked }, i) => {
     const range = low === high ? "fixed" : `${low} to ${high}`;
     const known = asked && !(low <= 0 && high >= 100);
     const name = asked ? [label] : [label, part("span", "soft small never", {}, ["never asked"])];
-    return part("tr", "", {}, [
-      part("th", "", { scope: "row" }, name),
-      part("td", "drawn", {}, [interval(low, value, high, colourOf(scale.length - 1 - i, scale.length), known)]),
-      part("td", "number", {}, [known ? String(Math.round(value)) : "unknown"]),
-      part("td", "number", {}, [range]),
+    return part("tr", "", { role: "row" }, [
+      part("th", "", { scope: "row", role: "rowheader" }, name),
+      part("td", "drawn", { role: "cell" }, [
+        interval(low, value, high, colourOf(scale.length - 1 - i, scale.length), known),
+      ]),
+      part("td", "number", { role: "cell" }, [known ? String(Math.round(value)) : "unknown"]),
+      part("td", "number", { role: "cell" }, [range]),
     ]);
   });
   const said =
     "From 0, the worst level, to 100, the best. A level at 60 is as good to you as 60 of 100 at the best level and 40 " +
     "at the worst. The bar is what is still possible, and the dot is the best guess. A dashed bar is a level that is " +
     "still unknown.";
-  const table = part("table", "worth", {}, [
+  // roles, because a narrow page lays the rows out as a grid, which takes the table's own roles away
+  const table = part("table", "worth", { role: "table" }, [
     part("caption", "soft", {}, [`${said} The ranges hold ${certainty}.`]),
-    part("thead", "", {}, [part("tr", "", {}, head)]),
-    part("tbody", "", {}, rows),
+    part("thead", "", { role: "rowgroup" }, [part("tr", "", { role: "row" }, head)]),
+    part("tbody", "", { role: "rowgroup" }, rows),
   ]);
   return section("What the levels are worth to you", [part("div", "panel", {}, [table])]);
 }
@@ -789,11 +828,6 @@ function toCome(range, seconds, atLeast) {
   const time = `, up to ${minutes} ${minutes === 1 ? "minute" : "minutes"}`;
   if (least === most) return `about ${most} more${time}`;
   return least === 0 ? `at most ${most} more${time}` : `about ${least} to ${most} more${time}`;
-}
-
-function checks({ repeated, alike }) {
-  if (!repeated) return "";
-  return `${alike} of ${repeated} repeated ${repeated === 1 ? "question was" : "questions were"} answered as before.`;
 }
 
 const thousands = (n) => n.toLocaleString("en-US");

@@ -1,7 +1,7 @@
 // The page of whoever runs a study: who has answered how much, links, agreement so far, and the end. The docstrings of
 // elicit/person/study/study.py and elicit/person/hosts/study_app.py say what the messages and the replies are.
 
-import { axis, button, colourOf, interval, part, section } from "./interview.js";
+import { axis, button, colourOf, interval, part, section, technical } from "./interview.js";
 import { sender } from "./send.js";
 
 const EVERY = 5000; // ms between two looks at where everybody is
@@ -209,8 +209,7 @@ function closing({ ended, report, facts }) {
   } else if (!ended) {
     parts.push(part("div", "mid closing", {}, [keyed(button("alt", "End the study", () => sure(true)), "end")]));
   }
-  const named = facts.map(([name, value]) => `${name}: ${value}`).join(" · ");
-  return [section(ended ? "The report" : "The report and the end", parts), part("p", "soft small part", {}, [named])];
+  return [section(ended ? "The report" : "The report and the end", parts), ...technical(facts)];
 }
 
 function sure(yes) {

@@ -388,6 +388,36 @@ def test_what_is_computed_beside_is_asked_for_until_it_is_there(windows: Windows
         assert "more" not in page.inner_text(".place")
 
 
+def test_the_bar_never_runs_backwards_nor_ahead_of_a_forecast_that_grows(windows: Windows) -> None:
+    to_come = {"q0": [3, 3], "q1": [2, 2], "q2": [7, 17], "q3": None, "q4": [0, 0]}
+
+    def outlook(route: Any) -> None:
+        message = route.request.post_data_json
+        if message["do"] != "outlook":
+            route.continue_()
+        else:
+            known = {"why": [], "to_come": to_come[message["id"]], "at_least": 0, "ready": True}
+            route.fulfill(json={"id": message["id"], **known})
+
+    widths = []
+    with served(windows.log) as server:
+        page = windows.open(server)
+        page.route("**/api", outlook)
+        practise(page)
+        for n in range(1, 6):
+            at(page, f"Question {n}")
+            page.locator(".why p").first.wait_for(state="attached")  # the reply is drawn
+            widths.append(
+                page.evaluate("parseFloat(document.querySelector('.meter span').style.width)")
+            )
+            click(page, "cannot tell")
+        at(page, "Result")
+        widths.append(
+            page.evaluate("parseFloat(document.querySelector('.meter span').style.width)")
+        )
+    assert widths == [0, 25, 25, 25, 80, 100]
+
+
 @pytest.mark.slow
 def test_a_slow_question_says_so(windows: Windows) -> None:
     ready = threading.Event()
@@ -691,7 +721,16 @@ def test_a_name_and_the_minutes_are_sent_with_the_start(windows: Windows) -> Non
 def test_a_long_table_of_changes_is_folded_and_filtered(windows: Windows) -> None:
     rows = tuple((f"state {i}", "old", f"new {i % 7}") for i in range(40))
     table = ResultTable(
-        "In 40 of 99 states your answers change the plan", ("State", "A", "B"), rows
+        "In 40 of 99 states your answers change the plan",
+        ("State", "A", "B"),
+        rows,
+        open=ResultTable(
+            "Still open in 1 of 99 states",
+            ("State", "A", "By the best guess so far"),
+            (("state 98", "old", "perhaps"),),
+            "Your answers do not decide it.",
+            "open state",
+        ),
     )
     concluded = Conclusion(headline="Your plan is settled.", changes=table, settled=True)
     with served(windows.log, QUESTIONS[:1], conclude=lambda *_: concluded) as server:
@@ -705,4 +744,9 @@ def test_a_long_table_of_changes_is_folded_and_filtered(windows: Windows) -> Non
         page.fill("#elicit-filter", "new 3")
         assert page.inner_text(".filter p") == "6 of 40 shown"
         assert page.locator(".changes tbody tr:visible").count() == 6
+        page.click("text=Show the open state")
+        assert "Your answers do not decide it." in page.inner_text("details[open] >> nth=1")
+        assert page.locator(".changes tbody tr:visible").last.inner_text().split() == [
+            *("state", "98", "old", "perhaps")
+        ]
         violated(page)

@@ -1,0 +1,92 @@
+"""Counts of the answers in a log, and the sentence that every screen, report and command uses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+
+from elicit.model.query import Verdict
+from elicit.person.course.conduct import differs, repeats_in, was_settled
+from elicit.tutors.answer_log import Entry
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Numbers of answers of each kind in a log.
+
+    Attributes
+    ----------
+    answered
+        Answers that count: those that stand, and each answer to a repeated question, also if the
+        person has settled a difference since. All other numbers but ``withdrawn`` are among them.
+    repeated
+        Answers to repeated questions.
+    alike
+        Those of them that are as before.
+    equal, cannot_tell
+        Answers "equally good" and "cannot tell".
+    unused
+        Answers that are ignored because they contradict others.
+    withdrawn
+        Answers that the person took back, which are not in ``answered``.
+    """
+
+    answered: int = 0
+    repeated: int = 0
+    alike: int = 0
+    equal: int = 0
+    cannot_tell: int = 0
+    unused: int = 0
+    withdrawn: int = 0
+
+    @staticmethod
+    def of(log: Iterable[Entry]) -> Counts:
+        """Return the counts of a log."""
+        entries = [*log]
+        again = repeats_in(entries)
+        first = [entry for entry in entries if entry.stands and not entry.repeat]
+        said = [entry.answer.verdict for entry in (*first, *again)]
+        return Counts(
+            answered=len(said),
+            repeated=len(again),
+            alike=sum(not differs(entry) for entry in again),
+            equal=said.count(Verdict.EQUAL),
+            cannot_tell=said.count(None),
+            unused=sum(not entry.used for entry in first),
+            withdrawn=sum(entry.retracted and not was_settled(entry) for entry in entries),
+        )
+
+    def record(self) -> dict[str, int]:
+        """Return the counts as JSON."""
+        return {name.replace("_", " "): n for name, n in asdict(self).items()}
+
+    @staticmethod
+    def read(record: Mapping[str, int]) -> Counts:
+        """Return the counts of a record; what it leaves out is 0."""
+        return Counts(**{name.replace(" ", "_"): n for name, n in record.items()})
+
+    @property
+    def sentence(self) -> str:
+        """The sentence "20 answers (5 to repeated questions, 1 equally good, 2 cannot tell)."."""
+        kinds = (
+            (self.repeated, "to repeated questions"),
+            (self.equal, "equally good"),
+            (self.cannot_tell, "cannot tell"),
+            (self.unused, "ignored because they contradict others"),
+            (self.withdrawn, "more taken back"),
+        )
+        among = ", ".join(f"{n} {words}" for n, words in kinds if n)
+        return f"{in_answers(self.answered)}{f' ({among})' if among else ''}."
+
+    @property
+    def checks(self) -> str:
+        """A sentence on how repeated questions were answered, or ""."""
+        if not self.repeated:
+            return ""
+        questions = "question was" if self.repeated == 1 else "questions were"
+        return f"{self.alike} of {self.repeated} repeated {questions} answered as before."
+
+
+def in_answers(n: int) -> str:
+    """Return a number of answers in words."""
+    return f"{n} answer{'' if n == 1 else 's'}"
