@@ -50,7 +50,7 @@ SCALES = {
 
 
 class Setting(NamedTuple):
-    """How often experts err, when a run ends, and how many runs there are of a row."""
+    """The rate of errors, when a run ends, and the number of runs of a row."""
 
     rate: float
     tolerance: float
