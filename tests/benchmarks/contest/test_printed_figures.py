@@ -33,7 +33,7 @@ def test_minimax_regret_on_the_trident_is_as_proven(b):
 
 
 def test_policy_comparisons_ask_as_many_questions_as_their_theorem_has():
-    """The number is of the order of k ln(k / epsilon): the constant is the same for all k and epsilon."""
+    """The number is of the order of k ln(k / epsilon), with the same constant for all of them."""
     for objectives in scaled((3, 8), (3, 5, 8, 12)):
         for precision in scaled((0.01,), (0.1, 0.01, 0.001)):
             runs = [compared(objectives, precision, seed) for seed in range(scaled(2, 6))]
