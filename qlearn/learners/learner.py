@@ -91,6 +91,7 @@ _SHARE_OF_EQUAL = 0.3
 """The share of answers "equal" from which on a result warns. Above it a bound of 95% held in
 68% of runs with simulated persons, below it in 98% (benchmarks/RESULTS-promise.md).
 """
+_MOST_LISTED = 12  # states whose actions are printed one by one; of more, actions are counted
 _LEAST_SHOWN = 1e-6
 """The least positive loss bound that is printed, a share of the value range: rounding alone gives
 smaller ones.
@@ -142,6 +143,8 @@ class Result:
         The MDP's discount.
     tolerance, budget
         The tolerance and the budget of questions that the learner was given, None if it has none.
+    mdp : OrdinalMDP, optional
+        The problem, by whose names of states and actions the policy is printed.
     """
 
     policy: NDArray[np.int64]
@@ -159,19 +162,27 @@ class Result:
     member_guarantees: Callable[[], Mapping[str, Guarantee]] = dict
     tolerance: float | None = None
     budget: int | None = None
+    mdp: OrdinalMDP | None = None
 
     def __str__(self) -> str:
-        """Return the status, the number of questions, and what the loss bound means.
+        """Return the status, the number of questions, what the loss bound means, and the policy.
+
+        The policy is left out if the problem names neither states nor actions.
 
         Computing the bound may take long on a large model.
         """
         questions = (
             "1 question was asked" if self.asked == 1 else f"{self.asked:,} questions were asked"
         )
+        if not self.asked and self.status is Status.CONVERGED:
+            questions = "No question was asked: this policy was good enough before any answer"
+            if len(self.answers):
+                questions = "No question was asked: the answers known before were enough"
         parts = (
             self.status.sentence,
             f"{questions}.",
             self._loss_in_words(),
+            self._policy_in_words(),
             self.tie_warning,
             self._members_in_words(),
             self.outlook,
@@ -262,6 +273,26 @@ class Result:
             f"of return it is at most {_rounded_up(share / (1 - self.discount))}, if the best "
             "level's reward is 1 more than the worst level's."
         )
+
+    def _policy_in_words(self) -> str:
+        mdp = self.mdp
+        if mdp is None or (mdp.state_names is None and mdp.action_names is None):
+            return ""
+        choices = np.flatnonzero(~mdp.terminal & (mdp.admissible.sum(axis=1) > 1))
+        if not len(choices):
+            return ""
+        taken = self.policy[choices]
+        if len(choices) > _MOST_LISTED:
+            actions, counts = np.unique(taken, return_counts=True)
+            said = ", ".join(
+                f"{mdp.action_name(int(a))} in {n:,}" for a, n in zip(actions, counts, strict=True)
+            )
+            return f"Of {len(choices):,} states with a choice, it takes {said}."
+        said = "; ".join(
+            f"{mdp.state_name(int(s))}: {mdp.action_name(int(a))}"
+            for s, a in zip(choices, taken, strict=True)
+        )
+        return f"What it does in each state with a choice: {said}."
 
     def _confidence_in_words(self) -> str:
         if np.isnan(self.confidence):
@@ -469,6 +500,7 @@ class Learner:
             member_guarantees=partial(_of_members, mdp, policy.copy(), elicitation.comparator),
             tolerance=tolerance,
             budget=elicitation.max_queries,
+            mdp=mdp,
         )
 
 

@@ -89,7 +89,8 @@ def numbers(
         except (TypeError, ValueError) as error:
             raise TypeError(f"{name} must be an array of numbers: {error}") from None
     if shape is not None and array.shape != shape:
-        raise ValueError(f"{name} must have shape {shape}, not {array.shape}")
+        each = ", one entry for each state" if len(shape) == 1 else ""
+        raise ValueError(f"{name} must have shape {shape}{each}, not {array.shape}")
     return array
 
 

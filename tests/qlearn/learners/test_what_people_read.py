@@ -194,3 +194,48 @@ def test_tutors() -> None:
         == "BradleyTerryTutor(k=3, precision=5, seed=3)"
     )
     assert repr(ReplayTutor([])) == "ReplayTutor(0 answers)"
+
+
+@pytest.mark.parametrize("kind", LEARNERS)
+def test_a_printed_result_names_what_the_policy_does(kind: Any) -> None:
+    settings = {"steps": 2000} if kind is qlearn.InteractiveQLearning else {}
+    named = replace_names(MDP, states=[f"s{i}" for i in range(8)], actions=["wait", "cut", "burn"])
+    result = qlearn.drive(kind(named, PolytopeComparator(4), **settings), TruthfulTutor(VALUES))
+    listed = [f"s{s}: {named.action_name(a)}" for s, a in enumerate(result.policy)]
+    said = f"What it does in each state with a choice: {'; '.join(listed)}."
+    assert said in str(result).splitlines()
+    plain = qlearn.drive(kind(MDP, PolytopeComparator(4), **settings), TruthfulTutor(VALUES))
+    assert "What it does" not in str(plain)
+
+
+def test_a_long_policy_is_counted_by_action_where_there_is_a_choice() -> None:
+    mdp = qlearn.problems.FAMILIES["rover"](0)
+    values = qlearn.draw_values(mdp.k, seed=0)
+    result = qlearn.solve(mdp, TruthfulTutor(values), comparator="polytope", seed=0)
+    choices = ~mdp.terminal & (mdp.admissible.sum(axis=1) > 1)
+    names = [mdp.action_name(a) for a in result.policy[choices]]
+    (said,) = re.findall(r"Of (\d+) states with a choice, it takes (.*)\.", str(result))
+    assert int(said[0]) == choices.sum() > 12
+    counted = dict(part.rsplit(" in ", 1) for part in said[1].split(", "))
+    assert counted == {name: f"{names.count(name):,}" for name in names}
+
+
+def test_a_result_without_a_question_says_that_none_was_needed() -> None:
+    same = qlearn.OrdinalMDP([[[0], [0]]], [[[1.0], [1.0]]], [[1, 0]], 0.5, ("bad", "good"))
+    result = qlearn.solve(same, TruthfulTutor([0, 1]), seed=0)
+    assert result.asked == 0
+    assert "No question was asked: this policy was good enough before any answer." in str(result)
+
+
+def replace_names(
+    mdp: qlearn.OrdinalMDP, states: list[str], actions: list[str]
+) -> qlearn.OrdinalMDP:
+    return qlearn.OrdinalMDP(
+        mdp.successors,
+        mdp.probabilities,
+        mdp.levels,
+        mdp.discount,
+        mdp.labels,
+        state_names=states,
+        action_names=actions,
+    )

@@ -311,7 +311,11 @@ P = parts()["probabilities"]
         ({"initial": [0.5, 0.6, 0]}, ValueError, "initial sums to 1.1"),
         ({"initial": [-0.5, 1.5, 0]}, ValueError, r"initial\[0\] is -0.5"),
         ({"initial": [0.5, 0.4, 0.1]}, ValueError, r"initial\[2\] is 0.1.*terminal"),
-        ({"terminal": [2]}, ValueError, r"terminal must have shape \(3,\)"),
+        (
+            {"terminal": [2]},
+            ValueError,
+            r"terminal must have shape \(3,\), one entry for each state, not \(1,\)",
+        ),
         ({"terminal": [0, 1, 2]}, ValueError, r"terminal\[2\] is 2.*indices"),
         (
             {"terminal": [True] * 3, "levels": np.zeros((3, 2))},
