@@ -259,7 +259,11 @@ def limits(cell: Cell) -> list[tuple[str, str, float]]:
 
 
 def limit_rows(name: str, runs: Sequence[Sequence[tuple[str, str, float]]]) -> list[list[str]]:
-    """Rows of questions beside their limit, of the ``limits`` of all problems of a kind."""
+    """Return table rows, one for each tutor and rule: the number of questions, and its ratio.
+
+    The ratio is to the number of the greedy rule with hindsight, for the same tutor. ``runs`` has
+    the result of ``limits`` for each problem of one kind, and ``name`` is that kind.
+    """
     found: dict[tuple[str, str], list[float]] = {}
     for one in runs:
         for errs, rule, number in one:

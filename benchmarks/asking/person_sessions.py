@@ -126,7 +126,10 @@ def person(values: Floats, setting: Setting, number: int) -> Person:
 
 
 def _reply(screen: dict[str, Any], says: Person) -> dict[str, str]:
-    """Return the message of a person who goes on, and keeps what they said first."""
+    """Return the message with which the simulated person replies to a screen.
+
+    They answer each question, keep their first answer in a conflict, and go on if offered to stop.
+    """
     if screen["stage"] == "conflict":
         found = screen["conflict"]
         return {"do": "settle", "id": found["id"], "choice": found["choices"][0]["choice"]}

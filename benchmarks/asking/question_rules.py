@@ -178,7 +178,7 @@ def _interval(x: Floats) -> tuple[float, float]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """The command."""
+    """Run the benchmark and print its report; ``--out`` also writes it."""
     parser = argparse.ArgumentParser(description="Others' rules for the next question beside ours.")
     parser.add_argument("--quick", action="store_true", help="two problems, k = 5 only")
     parser.add_argument("--seeds", type=int, help="problems for each table (default: 20; quick: 2)")

@@ -62,7 +62,11 @@ ENTRIES = (
 
 
 class Pass(NamedTuple):
-    """Seconds to learn the stream's answers and to judge its differences, and the verdicts."""
+    """Result of one pass of a method over a stream.
+
+    It has the seconds for learning the answers, the seconds for deciding the differences, and the
+    verdicts.
+    """
 
     learning: float
     comparing: float

@@ -31,8 +31,9 @@ class Data(NamedTuple):
 
 
 def draw(k: int, n: int, m: int, seed: int) -> Data:
-    """A tutor with gaps uniform on their simplex, n answers, m resamples; all about pairs open to
-    dominance.
+    """Draw a data set: n answers of a tutor, m resamples of them, and pairs to decide.
+
+    The tutor's gaps are uniform on the simplex. All pairs are ones that dominance does not decide.
     """
     rng = np.random.default_rng([seed, k, n])
     gaps = rng.dirichlet(np.ones(k - 1))

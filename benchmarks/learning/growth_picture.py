@@ -92,7 +92,7 @@ def draw(
 
 
 def decades(panel: Axes) -> float:
-    """The height of a panel whose axis is logarithmic."""
+    """Number of decades that the logarithmic vertical axis of a panel spans."""
     low, high = panel.get_ylim()
     return float(np.log10(high / low))
 

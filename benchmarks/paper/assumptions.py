@@ -99,7 +99,10 @@ def choices(base: Choice = DEFAULT) -> dict[str, Choice]:
 
 
 def etas() -> dict[str, Choice]:
-    """The polytope with the default eta, and with others, by name; its tutor never errs."""
+    """Return the choices of eta for the polytope, the default first, by name.
+
+    The tutor never errs.
+    """
 
     def with_eta(margin: float) -> Choice:
         return Choice("polytope", {"margin": margin}, error_rate=0.0)

@@ -162,7 +162,7 @@ def _extra(left: Floats, total: Floats) -> str:
 
 
 def repeat_laws(logs: dict[str, dict[str, AnswerLog]], count: int) -> Iterator[str]:
-    """Laws of error for repeated gambles."""
+    """Yield the lines of the report's section that compares laws of error on repeated gambles."""
     drawn = repeats.draws(count, SEED)
     tables = [each for by_set in logs.values() for each in repeats.of_logs(by_set).items()]
     rows = []

@@ -285,7 +285,11 @@ class Choosing:
         )
 
     def _advance(self) -> None:
-        """Choose by what is known, else by the best guess; find the next question."""
+        """Rank the vectors, and open the next question.
+
+        Comparisons that the answers leave open go by the best guess. If there are none, or if the
+        question budget is spent, no question is opened.
+        """
         scores = dot(tail_sums(self._vectors), np.diff(best_guess(self._elicitation.comparator)))
         by_guess = np.argsort(-scores, kind="stable")
         plan = self._plan_order if self._wants_order else self._plan_best

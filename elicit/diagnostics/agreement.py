@@ -249,7 +249,10 @@ def _of_one(name: str, log: AnswerLog | Answers) -> Answers:
 
 
 def _mixtures(k: int) -> tuple[Floats, Floats]:
-    """Return levels for sure (n, k), and mixtures (n, k) of a better and a worse one."""
+    """Return the two sides (n, k) of pairs: a level for certain, and a mixture.
+
+    Each mixture has a share of a better level, and the rest of a worse one.
+    """
     triples = [
         (low, middle, high, share)
         for low, middle, high in combinations(range(k), 3)

@@ -62,7 +62,11 @@ class Vertex:
 
 
 def minimise(t: Floats, region: Region) -> Vertex:
-    """Return the least t.g over the region, in floats: nearly right at best, sometimes wrong."""
+    """Return a vertex of the region with the least t.g, computed in floats.
+
+    The value has rounding errors, and the vertex may be wrong: the caller must prove it. ``end``
+    says so if no vertex was found.
+    """
     p, m = region.p, len(region.rows)
     constraints, limits = region.constraints
     scale = np.maximum(np.abs(constraints).max(axis=1), 2.0**-1000)

@@ -52,9 +52,12 @@ def same_pairs(t: Floats, others: Floats) -> NDArray[np.int8]:
 
 
 def ways_round(t: Floats) -> NDArray[np.int8]:
-    """Return the direction (n,) of tail sums (n, p), 1 or -1.
+    """Return the orientation (n,) of tail sums t (n, p), 1 or -1.
 
-    It is opposite for t and -t, and safe from rounding.
+    -t has the opposite orientation of t, unless t is 0. So a pair and the same pair with left and
+    right exchanged can be told apart. The orientation is the sign of a weighted sum whose weights
+    are square roots. For tail sums in round numbers that sum is seldom near 0, where rounding could
+    change its sign.
     """
     weights = np.sqrt(np.arange(2.0, t.shape[1] + 2.0))
     marks = np.zeros(len(t))

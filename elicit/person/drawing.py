@@ -369,7 +369,7 @@ class Drawing:
         }
 
     def _remarks(self) -> list[str]:
-        """Return sentences on answers that came very fast, and on drift, as far as there were."""
+        """Return a sentence on very fast answers and one on drift, each only if there is any."""
         log = [*self._session.log]
         return [said for said in (Pace.of(log).remark(), Drift.of(log).remark()) if said]
 

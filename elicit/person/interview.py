@@ -314,7 +314,10 @@ class Interview(Closing):
     def _progress(
         self, before: Progress | None, screen: Mapping[str, Any] | None = None
     ) -> Progress:
-        """Return where the interview stands, of which ``screen`` is what the person sees now."""
+        """Return the progress of the interview, given the screen that the person sees now.
+
+        If there is no screen, the stage is that of ``before``.
+        """
         asker = self._session.current_asker()
         known = asker.comparator if isinstance(asker, Compares) else None
         entries = tuple(self._session.log)

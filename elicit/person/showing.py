@@ -533,9 +533,10 @@ def _to_total(parts: Floats, total: int) -> Floats:
 def _row(
     row: Row, counts: Sequence[int], k: int, label: int, number: int, room: int, column: int
 ) -> Iterator[str]:
-    """Return the lines of a level, in columns of this width.
+    """Return the lines of text that show one level: its name, and ``counts`` with icons.
 
-    A line has as many icons as have ``room``.
+    ``label``, ``number`` and ``column`` are the widths of the name, of a count and of its icons.
+    ``room`` is the width that the icons of a line may take; 0: no icons.
     """
     icon = "+" if row.level == k - 1 else "x" if row.level == 0 else "o"
     names = textwrap.wrap(row.label, label) or [""]

@@ -220,7 +220,7 @@ def _check_bounds(comparator: Comparator, d: Floats) -> None:
 
 
 def _check_settings(comparator: Comparator) -> None:
-    """Check the settings: numbers and the answers."""
+    """Check the values of optional members, such as ``lapse``, ``tie`` and ``answers``."""
     known: Any = comparator
     if offers(known, "lapse"):
         demand(

@@ -195,10 +195,11 @@ def strategy_of(choice: Strategy | str) -> Strategy:
 def worth_asking(
     elicitation: Elicitation, d: Floats, places: Callable[[int], Place], limit: float | Floats
 ) -> NDArray[np.int64]:
-    """Return rows of the differences d (n, k) that are worth a question.
+    """Return the numbers of the differences d (n, k) that are worth a question.
 
-    Some plausible scale puts them above the limit, which is one for all or (n,), and they may be
-    asked about. ``places`` gives the place at which a row is compared.
+    These are the rows whose upper bound exceeds ``limit`` and about which the elicitation may ask.
+    ``limit`` is one number for all rows, or (n,). ``places`` gives the place at which a row is
+    compared.
     """
     rows = np.flatnonzero(bounds_above(elicitation.comparator, d, limit)[0] > limit)
     return rows[elicitation.may_ask(d[rows], lambda i: places(int(rows[i])))]

@@ -54,9 +54,10 @@ class StateSweep:
     _waiting: States  # whose pair at the cursor is undecided, in order
 
     def proceed(self, batch: int) -> States:
-        """Compare all states' actions, until so many states need the tutor.
+        """Compare the actions of the states, in order, until ``batch`` states need the tutor.
 
-        Return these states in order. There are none at the end of the sweep.
+        Return the states that need the tutor, in order. There may be fewer than ``batch`` near the
+        end of the sweep, and there are none once the sweep is complete.
         """
         self._look_again(batch)
         while len(self._waiting) < batch and self._reached < self._mdp.n_states:

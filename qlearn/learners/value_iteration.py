@@ -15,7 +15,8 @@ from elicit._support.validation import is_whole, require
 from elicit.asking.elicitation import Elicitation
 from elicit.asking.options import AskingOptions, check_options, filled
 from elicit.asking.question import AnsweredQuery
-from elicit.model.comparator import Comparator, Tier, offers
+from elicit.decision.comparator_rule import PROOFS, rule_of
+from elicit.model.comparator import Comparator, Tier
 from elicit.model.needs import check_needs
 from elicit.model.outcomes import Status
 from elicit.model.query import Query, Verdict
@@ -97,9 +98,10 @@ class InteractiveValueIteration(Learner):
     A pair that the tutor cannot tell counts as equal. Then the tolerance is no promise, and the
     status is UNSURE in place of CONVERGED. A pair that the tutor calls equal counts as equal too,
     but may be farther apart (the comparator's ``tie``). Then the status is CALLED_EQUAL, unless the
-    loss is bounded within the tolerance all the same. With a comparator that has no
-    ``simultaneous_bounds`` the status is BOUNDED in place of CONVERGED: nothing says that its
-    verdicts hold together.
+    loss is bounded within the tolerance all the same. With a comparator that proves no verdict
+    (one that allows for errors), or with a larger ``indifference`` than the default, the loss may
+    have a bound above the tolerance. Then the status is DONE. It is BOUNDED in place of CONVERGED
+    if nothing says with what confidence the bound holds.
 
     Beside the MDP only V is kept, twice (S, k), and what decided each (s, a) last, k - 1 numbers of
     half size. Partial sweeps take V twice more while they last, and one row of transitions a state.
@@ -138,7 +140,7 @@ class InteractiveValueIteration(Learner):
         self._partial_sweeps = partial_sweeps
         self._small_span = tolerance * (1 - gamma) / (2 * gamma) if gamma > 0 else np.inf
         self._max_loss = check_max_loss(max_loss)
-        indifference = tolerance * (1 - gamma) / 2
+        indifference = _indifference(mdp, tolerance)
         self._elicitation = Elicitation(
             comparator,
             f"{mdp.fingerprint}/value-iteration/{tolerance!r}",
@@ -225,13 +227,21 @@ class InteractiveValueIteration(Learner):
             return Status.GUESSED
         if self._elicitation.unsure:
             return Status.UNSURE
-        if self._elicitation.called_equal:
-            found = loss_bound(self._mdp, self._states.best, self.comparator)
-            proven = found.loss_bound <= self._tolerance and not math.isnan(found.confidence)
-            return Status.CONVERGED if proven else Status.CALLED_EQUAL
-        return (
-            Status.CONVERGED if offers(self.comparator, "simultaneous_bounds") else Status.BOUNDED
-        )
+        tied = self._elicitation.called_equal
+        near = self._elicitation.indifference <= _indifference(self._mdp, self._tolerance)
+        if near and not tied and rule_of(self.comparator).kind in PROOFS:
+            return Status.CONVERGED  # each verdict is proven, and so is the policy
+        found = loss_bound(self._mdp, self._states.best, self.comparator)
+        if not found.loss_bound <= self._tolerance:
+            return Status.CALLED_EQUAL if tied else Status.DONE
+        if math.isnan(found.confidence):
+            return Status.CALLED_EQUAL if tied else Status.BOUNDED
+        return Status.CONVERGED
+
+
+def _indifference(mdp: OrdinalMDP, tolerance: float) -> float:
+    """Return the indifference with which the policy is within the tolerance."""
+    return tolerance * (1 - mdp.discount) / 2
 
 
 class LateValueIteration(InteractiveValueIteration):

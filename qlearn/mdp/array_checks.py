@@ -26,9 +26,10 @@ def clean(
 ) -> tuple[NDArray[np.integer[Any]], Floats]:
     """Return successors (S, A, b) int32 and probabilities (S, A, b) for ``OrdinalMDP``.
 
-    Entries that are never read are overwritten. Every row is checked and, beyond rounding, divided
-    by its sum. Arrays that need no change are returned themselves. Read-only ones are never written
-    to. Raise ValueError.
+    Entries that are never read are overwritten. A row is divided by its sum if the sum differs from
+    1 by more than rounding errors. An array that needs no change is returned as it is. One that
+    does is changed in place, or copied first if it is read-only. Raise ValueError for a successor
+    that is no state, and for a row that is no distribution.
     """
     n, _, b = probabilities.shape
     step = max(1, BLOCK // max(1, probabilities[0].size))

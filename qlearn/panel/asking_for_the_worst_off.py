@@ -64,8 +64,9 @@ class WorstOffIteration(Learner):
     mdp : OrdinalMDP
     panel : Panel
     tolerance : float
-        Stop once the greatest loss to any member, from where episodes start, exceeds the least
-        possible by at most this share of the value range.
+        Stop once the policy is proven this near to the best policy for the worst-off: the greatest
+        loss of any member exceeds the least that a policy could have by at most this share of the
+        value range. Losses are from the distribution of first states.
     **asking
         The options of ``elicit.AskingOptions``. One question is asked at a time.
 
@@ -79,9 +80,9 @@ class WorstOffIteration(Learner):
     Notes
     -----
     Each round solves one linear program over occupancies and plans once for each member, so it is
-    for MDPs of up to some thousand states. With members whose bounds depend on draws the proof adds
-    up bounds on each advantage, which is coarser than what policy iteration does for the mean: it
-    then asks much more, or ends with what is proven so far.
+    for MDPs of up to some thousand states. If the members' bounds depend on draws, the proof adds
+    up a bound on each advantage. That is coarser than the proof of policy iteration for the mean
+    scale. The learner then asks many more questions, or ends before the tolerance is reached.
     """
 
     @takes_rng

@@ -1,15 +1,18 @@
-"""Expected value of information (Viappiani and Boutilier 2010), which is EUBO for linear utility.
+"""Expected value of information (Viappiani and Boutilier 2010): EUBO with a linear utility.
 
-The question is the pair of policies whose better one has the greatest expected value: E max(x.g,
-y.g). Viappiani and Boutilier prove that such a pair is also the question of the greatest expected
-value of information if the user answers rightly, and nearly so otherwise. Lin et al. (2022) and
-Astudillo et al. (qEUBO, 2023) maximise the same number with Gaussian processes: on the same draws
-BoTorch's qEUBO is the same to 1e-12 (``tests/benchmarks/contest/test_botorch.py``). The pair is
-found by the authors' query iteration: divide the draws by which side is better, take the best
-policy for the mean of either part, and again, from several starts.
+EUBO is the expected utility of the best option. The question is the pair of policies x and y that
+maximises it: E max(x.g, y.g) over the drawn gaps g. Viappiani and Boutilier prove that this pair
+also has the greatest expected value of information if the user never errs, and nearly the greatest
+otherwise. Lin et al. (2022) and Astudillo et al. (qEUBO, 2023) maximise the same number with
+Gaussian processes. On the same draws BoTorch's qEUBO agrees with this one to 1e-12
+(``tests/benchmarks/contest/test_botorch.py``).
 
-The estimate is the best policy for the mean scale. It stops when the best question is worth less
-than a cost.
+The authors' query iteration finds the pair. It divides the draws into those for which x is better
+and the others. The best policy for the mean of each part is the new x or y. This is repeated as
+long as E max increases, from several random starts, and the best pair found is asked about.
+
+The policy returned is the best one for the mean scale. The method stops when the best question is
+worth less than ``COST``.
 """
 
 from __future__ import annotations

@@ -180,7 +180,7 @@ class Several(NamedTuple):
 
 
 class _OneRater(NamedTuple):
-    """Answers of one rater. The last one's likelihood counts to the power ``last``."""
+    """Answers of one rater. The likelihood of the last answer is raised to the power ``last``."""
 
     rows: Floats
     tied: NDArray[np.bool_]

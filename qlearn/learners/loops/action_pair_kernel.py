@@ -1,15 +1,17 @@
 """The pair step of every compiled loop: a pair's difference, its verdict, and a record of both.
 
 ``without_proof`` and ``decide`` are that step, for ``q_learning_kernel.advance`` and
-``state_sweep_kernel.sweep``. They are written out there: these loops hold some sixty arrays, and
-handing them over would take longer than most verdicts.
+``state_sweep_kernel.sweep``. The compiler inlines both into these loops (``jit.written_out``). The
+loops hold some sixty arrays, and passing them in a call would take longer than most verdicts.
 
-Many comparisons differ little from one decided before: the same two actions, whose vectors have
-moved since. So a verdict that took a proof leaves a *certificate*: a vector f with f.g >= 0 for the
-gaps g of every plausible scale. Gaps are not negative. So if a difference has tail sums t >= f,
-entry by entry, then t.g >= f.g >= 0, and it has the same verdict. If the verdict is WORSE, -t takes
-the place of t. Looking at k - 1 numbers takes a tenth of the time of a proof. If a verdict goes by
-the weight of drawn scales, f is such that the same draws stay on the same side.
+Many comparisons differ little from an earlier one: they are of the same two actions, whose vectors
+have moved since. So a verdict that took a proof leaves a *certificate*: a vector f with f.g >= 0
+for the gaps g of every plausible scale. Gaps are not negative. So if a difference has tail sums
+t >= f, entry by entry, then t.g >= f.g >= 0, and it has the same verdict. If the verdict is WORSE,
+-t takes the place of t. Comparing k - 1 numbers takes a tenth of the time of a proof.
+
+A verdict by the weight of drawn scales leaves a certificate too. Then t >= f means that enough of
+the draws still give the sign of the verdict.
 
 A certificate holds while the answers stay the same. One that was proven of all scales that fit the
 answers holds for ever, because further answers only remove scales

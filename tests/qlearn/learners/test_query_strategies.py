@@ -157,7 +157,8 @@ def test_late_value_iteration_ends_where_the_tutor_errs_or_cannot_tell():
     mdp, values = random_mdp(15, 3, 4, discount=0.8, rng=4)
     comparator = PosteriorComparator(4, lapse=0.2, particles=100)
     make = partial(LateValueIteration, mdp, tolerance=0.01)
-    assert drive(make(comparator), FlippingTutor(values, 0.1, seed=0)).status is Status.CONVERGED
+    ended = drive(make(comparator), FlippingTutor(values, 0.1, seed=0))
+    assert ended.status is (Status.CONVERGED if ended.loss_bound <= 0.01 else Status.DONE)
     spent = drive(make(PolytopeComparator(4), max_queries=2), TruthfulTutor(values))
     assert (spent.status, spent.asked) == (Status.GUESSED, 2)
     silent = drive(make(PolytopeComparator(4), batch=3), lambda query: Answer(query, None))
