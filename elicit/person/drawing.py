@@ -316,6 +316,7 @@ class Drawing:
         sure, before, changes = found.sure, found.before, found.changes
         if not conduct.with_verdict and start is not None and not start.finished:
             sure, changes = "", None  # there is nothing yet that could hold or change
+            after = found.more if left else ""
             before = "" if start.loss is None else self._before(start.loss)
             headline = (
                 "You have not said yet which is better, so nothing is known about your values."

@@ -133,9 +133,11 @@ def report_page(
         f"{escaped(end.get('by_chance', ''))}</p>",
     ]
     if waiting:
-        parts.append(
-            "<p><b>Stopped early: more could be asked.</b> This is where things stood.</p>"
+        # a caution may have ended it, and not the person
+        early = (
+            "More could be asked." if end.get("caution") else "Stopped early: more could be asked."
         )
+        parts.append(f"<p><b>{early}</b> This is where things stood.</p>")
     parts += _headline(end)
     if end["open"]:
         parts.append(f"<p>{escaped(end['open'])}</p>")

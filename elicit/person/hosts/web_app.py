@@ -57,6 +57,7 @@ _CLOSED_DOOR = """<!doctype html>
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
 <title>Not open to this browser</title>
 <link rel="icon" href="data:,">
 </head>

@@ -24,6 +24,7 @@ export function mount(root, send, options = {}) {
   } = options;
   let screen = null; // the last one drawn
   let view = "stage"; // or "answers", "legend" or "pause", which are looked at beside it
+  let remarked = "stage"; // the view that the screen's note belongs to
   let listed = null; // the reply to "answers"
   let beside = null; // the reply to "outlook" for the question on the screen
   let drawn = false; // whether anything was
@@ -90,7 +91,7 @@ export function mount(root, send, options = {}) {
     act(
       async () => {
         screen = await send(message);
-        view = "stage";
+        view = remarked = "stage";
       },
       lost,
       wait,
@@ -108,6 +109,7 @@ export function mount(root, send, options = {}) {
   const withdraw = (id) =>
     act(async () => {
       screen = await send({ do: "withdraw", id });
+      remarked = view;
       if (view === "answers") listed = await send({ do: "answers" });
     }, "This answer has not been taken back yet.");
 
@@ -181,7 +183,7 @@ export function mount(root, send, options = {}) {
     progress.replaceChildren(part("b", "", {}, [at.name]), part("span", "", {}, [at.more]));
     fill(null);
     titled(screen.title ? `${at.name} - ${screen.title}` : at.name);
-    say(note, view === "pause" ? "" : screen.note || "");
+    say(note, view === remarked ? screen.note || "" : "");
     foot();
     enable(false);
     clearTimeout(untouched);
@@ -301,8 +303,8 @@ export function mount(root, send, options = {}) {
     if (screen.preamble) left.append(part("p", "soft", {}, [screen.preamble]));
     left.append(part("section", "panel", {}, [part("h2", "", {}, ["The levels, best to worst"]), ...legendOf()]));
     const form = part("section", "panel form", {}, [
-      part("label", "strong", { for: "elicit-who" }, ["Your name or initials (optional)"]),
-      part("p", "soft small", {}, ["Printed on your report. A made-up name is fine."]),
+      part("label", "strong", { for: "elicit-who" }, [known ? "Your name" : "Your name or initials (optional)"]),
+      part("p", "soft small", {}, [known ? "Printed on your report." : "Printed on your report. A made-up name is fine."]),
       who,
       part("fieldset", "", {}, [part("legend", "strong", {}, ["How much time do you have?"]), ...radios]),
       part("p", "soft small simulated", {}, []),
@@ -398,7 +400,7 @@ export function mount(root, send, options = {}) {
       return part("section", "panel", {}, parts);
     });
     const buttons = choices.map(({ choice, label }, i) => {
-      const made = button(i < 2 && said.length <= 2 ? "pick" : "alt", label, () =>
+      const made = button(i < said.length && said.length <= 2 ? "pick" : "alt", label, () =>
         show({ do: "settle", id, choice }, "Your choice has not been saved yet."),
       );
       made.dataset.keep = choice;
