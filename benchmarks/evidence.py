@@ -38,6 +38,9 @@ NEEDS = {
 }  # an extra, and a package of it
 
 
+HOLDING = ("current", "repeated")  # states of a page that is not stale
+
+
 class Page(NamedTuple):
     """A page or table of results: an entry of pages.toml, which says what the fields are."""
 
@@ -68,7 +71,7 @@ class Page(NamedTuple):
     @property
     def stale(self) -> bool:
         """True if the page may show other numbers than the code of now would."""
-        return self.state not in ("current", "repeated")
+        return self.state not in HOLDING
 
     @property
     def sources_now(self) -> str:
@@ -138,7 +141,7 @@ def tell(states: Sequence[tuple[Page, str]]) -> None:
     for page, state in states:
         needs = f" (needs {', '.join(page.needs)})" if page.needs else ""
         print(f"{page.name}: {state}; {page.minutes:g} min{needs}: python -m {page.command}")
-    stale = [page for page, state in states if state not in ("current", "repeated")]
+    stale = [page for page, state in states if state not in HOLDING]
     hours = sum(page.minutes for page in stale) / 60
     print(
         f"--all makes the {len(stale)} that are stale again, in about {hours:.0f} hours; "

@@ -182,6 +182,11 @@ def tables(text: str) -> list[list[list[str]]]:
     return found
 
 
+def table_rows(text: str) -> list[list[str]]:
+    """Return the cells of every line of a page's tables, heads included, rules not."""
+    return [row for table in tables(text) for row in table]
+
+
 def renew() -> None:
     """Renew the blocks of all ``PAGES``."""
     for page in PAGES:

@@ -43,7 +43,7 @@ from benchmarks.paper.paired_runs import Choice, measure_all
 from benchmarks.people import answers_of_people, gains, kinds_of_question, panel
 from benchmarks.people.repeats import of_logs
 from benchmarks.posteriors import preference_posteriors
-from benchmarks.quotes import tables
+from benchmarks.quotes import table_rows
 from benchmarks.reporting import with_interval
 from benchmarks.rivals import printed_figures
 from benchmarks.training import dqn_on_terrain, training_questions
@@ -77,11 +77,6 @@ def differing(page: Page, again: Again) -> list[str | Cells]:
         for found in made
         if not (found in text if isinstance(found, str) else any_like(found, rows))
     ]
-
-
-def table_rows(text: str) -> list[list[str]]:
-    """Return the cells of every line of a page's tables, heads included."""
-    return [row for table in tables(text) for row in table]
 
 
 def any_like(found: Cells, rows: list[list[str]]) -> bool:

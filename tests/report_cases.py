@@ -30,16 +30,6 @@ def quick_report(module: str, folder: Path, *settings: str) -> str:
     return text
 
 
-def table_rows(text: str) -> list[list[str]]:
-    """The cells of every line of a Markdown table, heads included, rules not."""
-    rows = [
-        [cell.strip() for cell in line.split("|")[1:-1]]
-        for line in text.splitlines()
-        if line[:1] == "|"
-    ]
-    return [row for row in rows if not set(row[0]) <= set("-:")]
-
-
 def bars(axes: Axes) -> list[tuple[float, float]]:
     """The ends of the error bars."""
     return [

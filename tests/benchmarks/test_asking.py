@@ -12,11 +12,10 @@ from benchmarks.asking import hindsight, wrong_answers
 from benchmarks.asking import person_sessions as sessions
 from benchmarks.asking import question_counts as questions
 from benchmarks.learning import scalar_solvers
-from benchmarks.quotes import tables
+from benchmarks.quotes import table_rows, tables
 from elicit import PolytopeComparator, Query, TruthfulTutor
 from qlearn import InteractivePolicyIteration, drive, random_mdp, unasked_loss
 from qlearn.experiments.metrics import reference_differences
-from tests.report_cases import table_rows
 from tests.thoroughness import scaled, thorough
 
 

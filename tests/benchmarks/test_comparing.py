@@ -11,9 +11,10 @@ from benchmarks.comparing import big_batch as batch
 from benchmarks.comparing import comparison_cost as lp
 from benchmarks.comparing import lp_methods as methods
 from benchmarks.comparing.recorded_streams import Recorder, Stream, cuts, needed_rows, record
+from benchmarks.quotes import table_rows
 from elicit import Answers, Comparator, PolytopeComparator, TruthfulTutor, Verdict
 from qlearn import InteractiveQLearning, drive, random_mdp
-from tests.report_cases import quick_report, table_rows
+from tests.report_cases import quick_report
 from tests.scale_arithmetic import tail_sums
 
 MARGIN = 1e-6

@@ -18,8 +18,9 @@ from benchmarks.fitting.fit_accuracy import References
 from benchmarks.fitting.fit_methods import ENTRIES, FREE, ORDERED, RIDGED, Entry, Problem
 from benchmarks.fitting.logistic_libraries import NoFit
 from benchmarks.fitting.tutor_data import FRESH, Data, draw, open_pairs
+from benchmarks.quotes import table_rows
 from elicit import Answers, TruthfulTutor, Verdict
-from tests.report_cases import quick_report, table_rows
+from tests.report_cases import quick_report
 from tests.scale_arithmetic import dominance, tail_sums, values_of
 
 LOOSE = {

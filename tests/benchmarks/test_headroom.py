@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from benchmarks.asking import headroom
+from benchmarks.quotes import table_rows
 from qlearn import equal_gaps_policy, hidden_scales, policy_loss, random_mdp
-from tests.report_cases import table_rows
 
 
 def test_a_row_has_the_losses_of_its_draws():

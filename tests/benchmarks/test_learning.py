@@ -16,11 +16,11 @@ from benchmarks.learning.known_values import Knowing
 from benchmarks.learning.learning_runs import Setting
 from benchmarks.learning.learning_tables import Kind, Limit, Row, Text, number, render, took
 from benchmarks.own_process import Failed, apart
+from benchmarks.quotes import table_rows
 from elicit import Answers, PolytopeComparator, TruthfulTutor, Verdict
 from elicit._support.hashing import key_of
 from qlearn import InteractiveQLearning, drive, random_mdp
 from qlearn.learners.q_learning import rescaled_linear_rate
-from tests.report_cases import table_rows
 from tests.scalar_q_learning import scalar_q_learning
 from tests.scale_arithmetic import tail_sums
 from tests.thoroughness import quick_first

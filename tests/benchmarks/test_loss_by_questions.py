@@ -6,7 +6,7 @@ import pytest
 import elicit
 import qlearn
 from benchmarks.asking import loss_by_questions
-from tests.report_cases import table_rows
+from benchmarks.quotes import table_rows
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from benchmarks.people import panel
+from benchmarks.quotes import table_rows
 from qlearn import OrdinalMDP, random_mdp
-from tests.report_cases import table_rows
 
 
 def small(name: str, seed: int) -> OrdinalMDP:

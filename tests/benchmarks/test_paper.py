@@ -11,12 +11,12 @@ from benchmarks.paper import assumptions, exploration, literal, paired_runs
 from benchmarks.paper.ablation_table import table
 from benchmarks.paper.figure_pages import with_rows, with_section
 from benchmarks.paper.paired_runs import Choice
+from benchmarks.quotes import table_rows
 from elicit import AlwaysAsk, TruthfulTutor
 from elicit._support.hashing import key_of
 from qlearn import InteractiveQLearning, drive, random_mdp
 from qlearn.learners.exploration import EXPLORATIONS, Exploration
 from qlearn.learners.q_learning import rescaled_linear_rate
-from tests.report_cases import table_rows
 from tests.scalar_q_learning import scalar_q_learning
 
 

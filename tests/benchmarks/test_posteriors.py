@@ -8,8 +8,9 @@ import pytest
 from benchmarks.posteriors import gaussian_process as gp
 from benchmarks.posteriors import markov_chains as chains
 from benchmarks.posteriors import preference_posteriors as bench
+from benchmarks.quotes import table_rows
 from elicit import Answers, Verdict
-from tests.report_cases import quick_report, table_rows
+from tests.report_cases import quick_report
 from tests.scale_arithmetic import dominance, tail_sums
 
 

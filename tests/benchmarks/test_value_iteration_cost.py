@@ -10,8 +10,8 @@ import pytest
 
 from benchmarks.learning import scalar_solvers
 from benchmarks.learning import value_iteration_cost as ivi
+from benchmarks.quotes import table_rows
 from qlearn import policy_loss, random_mdp
-from tests.report_cases import table_rows
 from tests.thoroughness import quick_first
 
 

@@ -10,7 +10,7 @@ from benchmarks import stamps
 from benchmarks.contest import redraw
 from benchmarks.contest import run as contest
 from benchmarks.contest.methods import METHODS
-from tests.report_cases import table_rows
+from benchmarks.quotes import table_rows
 from tests.thoroughness import scaled
 
 STAMP = contest.ROWS.with_name("rows.stamp")
