@@ -85,6 +85,11 @@ class Reception:
 
         return route
 
+    @property
+    def who(self) -> str:
+        """Whose page it is, for messages to whoever runs the program."""
+        return "whoever runs the study"
+
     def handle(self, message: Mapping[str, Any]) -> dict[str, Any]:
         """Return the reply to a message of whoever runs the study.
 

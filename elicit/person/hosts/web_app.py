@@ -26,6 +26,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from elicit.person.interview import SavedWithoutScreen
 from elicit.tutors.log_file import BadLog
 
 PAGE = Path(__file__).with_name("page")
@@ -70,6 +71,13 @@ _CLOSED_DOOR = """<!doctype html>
 </html>
 """
 
+_FAILED = "the page of %s: the message %r could not be answered: %s"
+_WENT_WRONG = "Something went wrong in the program. All answers that were saved are safe."
+_NEXT_FAILED = "Your answer is saved, but what comes next could not be worked out."
+_IF_AGAIN = (
+    "Press Try again. If that does not help, tell whoever runs the program, which says more where "
+    "it runs."
+)
 _STOPPED = "If the program was stopped, start it again: what was answered is kept."
 
 _log = logging.getLogger(__name__)
@@ -93,6 +101,10 @@ class Impatient(H11Protocol):
 
 class Takes(Protocol):
     """Whoever takes the messages of a page, such as an ``Interview``."""
+
+    @property
+    def who(self) -> str:
+        """Whose page it is, for messages to whoever runs the program."""
 
     def handle(self, message: Mapping[str, Any], /) -> dict[str, Any]:
         """Return the reply to a message."""
@@ -314,18 +326,17 @@ async def _reply(interview: Takes, message: dict[str, Any], at_once: CapacityLim
             f"{'Free some space' if room else 'Mend that'}, and try again.",
         )
     except ValueError as error:
-        _log.warning("a message was refused: %s", error)
+        _log.warning(_FAILED, interview.who, message.get("do"), error, exc_info=True)
         return _error(
-            400, "This could not be done; the program says why where it runs. Reload the page."
+            400,
+            "This could not be done; the program says why where it runs. Press Try again, or "
+            "reload the page.",
         )
-    except Exception:
-        _log.exception("a message could not be answered")
-        return _error(
-            500,
-            "Something went wrong in the program, which says more where it runs. What was saved is "
-            "not lost: reload "
-            "the page, or start the program again.",
-        )
+    except Exception as error:
+        _log.exception(_FAILED, interview.who, message.get("do"), error)
+        saved = isinstance(error, SavedWithoutScreen)
+        text = _NEXT_FAILED if saved else _WENT_WRONG
+        return _error(500, f"{text} {_IF_AGAIN}", saved=saved)
 
 
 def _file(name: str) -> Response:
@@ -341,8 +352,10 @@ async def _refused(request: Request, error: Exception) -> Response:
     return _error(error.status_code, error.detail, error.headers)
 
 
-def _error(status: int, text: str, headers: Any = None) -> Response:
-    return Response(json.dumps({"error": text}), status, headers, "application/json")
+def _error(status: int, text: str, headers: Any = None, saved: bool = False) -> Response:
+    """Return an error in words; ``saved``: what was sent is saved all the same."""
+    told = {"error": text, **({"saved": True} if saved else {})}
+    return Response(json.dumps(told), status, headers, "application/json")
 
 
 def _same(one: str, other: str) -> bool:

@@ -10,7 +10,11 @@ export function sender(stopped, shutOut) {
     const content = await reply.json().catch(() => {
       throw new Error(stopped);
     });
-    if (!reply.ok) throw new Error(content.error ?? `The program answers ${reply.status}. Press Try again.`);
+    if (!reply.ok) {
+      const error = new Error(content.error ?? `The program answers ${reply.status}. Press Try again.`);
+      error.saved = content.saved === true;
+      throw error;
+    }
     return content;
   };
 }
