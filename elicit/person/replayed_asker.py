@@ -167,7 +167,9 @@ class ReplayedAsker:
     def exchange(self, id: str, metadata: dict[str, Any], answer: Answer) -> None:
         """Take back the answer to the query of this id, and append another one in its place.
 
-        ``restart`` must follow. Raises ValueError if a new asker would be needed and cannot be made.
+        ``restart`` must follow.
+
+        Raises ValueError if a new asker would be needed and cannot be made.
         """
         if self._make is None:
             raise ValueError("to settle two answers the session must make a new asker")

@@ -49,23 +49,35 @@ _HEADERS = {
     "permissions-policy": "camera=(), geolocation=(), microphone=()",
 }
 NOT_LET_IN = (
-    "The address that the program printed lets in one browser, once. For this one, press Enter in "
-    "the terminal where "
-    "the program runs, and open the address that it prints then."
+    "To open it here, press Enter in the terminal where the program runs, and open the address "
+    "that it prints then."
 )
-_CLOSED_DOOR = """<!doctype html>
+_CLOSED_STYLE = "closed.css"
+"""The one file that everybody may read: the looks of the page for whoever is not let in."""
+_LOOKS = b"\n".join((PAGE / name).read_bytes() for name in ("style.css", "page.css"))
+_CLOSED_DOOR = f"""<!doctype html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
 <title>Not open to this browser</title>
 <link rel="icon" href="data:,">
+<link rel="stylesheet" href="{_CLOSED_STYLE}">
 </head>
 <body>
-<main>
+<main class="elicit">
+<div class="sheet">
+<div class="middle">
+<div class="wrap">
 <h1>Not open to this browser</h1>
-<p>{advice}</p>
-<p>{stopped}</p>
+<section class="panel">
+<p>{{advice}}</p>
+<p class="soft">{{why}}</p>
+</section>
+</div>
+</div>
+</div>
 </main>
 </body>
 </html>
@@ -78,7 +90,10 @@ _IF_AGAIN = (
     "Press Try again. If that does not help, tell whoever runs the program, which says more where "
     "it runs."
 )
-_STOPPED = "If the program was stopped, start it again: what was answered is kept."
+_WHY = (
+    "Each address lets in one browser, once. If the program was stopped, start it again with the "
+    "same command. All answers are kept."
+)
 
 _log = logging.getLogger(__name__)
 
@@ -115,8 +130,8 @@ class Door:
 
     port: names the cookie, because a browser sends a host's cookies to all its ports. hosts: the
     names, in lower case and with their ports, by which the page may be called. path: that of the
-    page, for which alone the cookie is sent. advice, stopped: sentences to whoever is not let in,
-    on how to get in, and on what to do after a restart.
+    page, for which alone the cookie is sent. advice: a sentence on how to get in, for whoever is
+    not let in. why: further sentences to them.
     """
 
     def __init__(
@@ -125,12 +140,12 @@ class Door:
         hosts: Iterable[str],
         path: str = "/",
         advice: str = NOT_LET_IN,
-        stopped: str = _STOPPED,
+        why: str = _WHY,
     ) -> None:
         self.cookie = f"elicit-{port}"
         self.hosts = frozenset(hosts)
         self.path, self.advice = path, advice
-        self.closed_page = _CLOSED_DOOR.format(advice=advice, stopped=stopped)
+        self.closed_page = _CLOSED_DOOR.format(advice=advice, why=why)
         self.secret = secrets.token_urlsafe(32)
         self._token: str | None = None
         self._lock = threading.Lock()
@@ -252,6 +267,8 @@ class _Guarded:
             return None
         if path == "/api":
             return _error(403, self._door.advice)
+        if path.endswith(f"/{_CLOSED_STYLE}") and request.method in ("GET", "HEAD"):
+            return Response(_LOOKS, media_type="text/css")
         return HTMLResponse(self._door.closed_page, 403)
 
     def _let_in(self, request: Request) -> Response:

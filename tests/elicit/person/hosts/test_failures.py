@@ -1,4 +1,4 @@
-"""A failure while the next question is chosen loses nothing, is reported, and can be tried again."""
+"""A failure while a question is chosen loses nothing, is reported, and can be tried again."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack
