@@ -599,6 +599,7 @@ export function mount(root, send, options = {}) {
     const again = button("alt", "Try again", () => act(job, lost, wait));
     banner.replaceChildren(part("p", "", {}, [...(lost ? [part("b", "", {}, [lost]), " "] : []), why]), again);
     banner.hidden = false;
+    if (!screen) body.replaceChildren(part("h1", "heading", {}, ["Not ready yet"])); // there is no other heading
     body.querySelectorAll(".live.chosen, .alt.chosen").forEach((one) => one.classList.remove("chosen"));
     say(note, "");
     again.disabled = false;
