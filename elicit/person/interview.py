@@ -290,7 +290,9 @@ class Interview(Closing):
                 self.progress = self._progress(self.progress, None if only_reads else screen)
             except (OSError, BadLog):
                 raise  # the log was not written, and nothing has changed
-            except Exception as error:
+            except (KeyboardInterrupt, SystemExit):
+                raise
+            except BaseException as error:  # a panic of compiled Rust code is no Exception
                 self._begin_anew()
                 if self._written() == before:
                     raise

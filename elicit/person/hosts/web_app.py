@@ -229,7 +229,11 @@ class _Guarded:
 
         request = Request(scope)
         app = self._elsewhere(request) or self._stranger(request) or self._app
-        await app(scope, receive, with_headers)
+        try:
+            await app(scope, receive, with_headers)
+        except Exception:  # else nobody would be told, for the server's own log is off
+            _log.exception("a request for %s could not be answered", self._door.path)
+            raise
 
     def _elsewhere(self, request: Request) -> Response | None:
         """Return the refusal of what a browser sends for another page.
@@ -323,7 +327,7 @@ async def _reply(interview: Takes, message: dict[str, Any], at_once: CapacityLim
     If something went wrong it says what, without a word of what was answered.
     """
     try:
-        reply = await to_thread.run_sync(interview.handle, message, limiter=at_once)
+        reply = await to_thread.run_sync(_handled, interview, message, limiter=at_once)
         return Response(json.dumps(reply), media_type="application/json")
     except BadLog as error:
         _log.error("%s", error)
@@ -354,6 +358,16 @@ async def _reply(interview: Takes, message: dict[str, Any], at_once: CapacityLim
         saved = isinstance(error, SavedWithoutScreen)
         text = _NEXT_FAILED if saved else _WENT_WRONG
         return _error(500, f"{text} {_IF_AGAIN}", saved=saved)
+
+
+def _handled(interview: Takes, message: dict[str, Any]) -> dict[str, Any]:
+    """Return the interview's reply. All that it raises is an Exception, which is then reported."""
+    try:
+        return interview.handle(message)
+    except Exception:
+        raise
+    except BaseException as error:  # such as a panic of compiled Rust code
+        raise RuntimeError(f"{type(error).__name__}: {error}") from error
 
 
 def _file(name: str) -> Response:

@@ -450,7 +450,7 @@ export function mount(root, send, options = {}) {
   // What came in beside the welcome: what each budget will likely prove.
   function drawProspects({ budgets, settled, ready }) {
     const places = [...body.querySelectorAll(".likely")];
-    const none = ready ? "" : places.length ? "Working out what this will likely prove ..." : "";
+    const none = ready ? "" : places.length ? "Working out what this will likely prove\u00a0..." : "";
     for (const [i, place] of places.entries()) {
       say(place, i === places.length - 1 ? settled : budgets[i] || none);
     }

@@ -3,11 +3,13 @@
 from collections.abc import Iterator
 from contextlib import ExitStack
 from typing import Any
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
 
 from elicit import AnswerLog, PolytopeComparator, Session, Subject, choose
+from elicit.person.hosts import web_app
 from elicit.person.hosts.study_web import StudyServer
 from elicit.person.hosts.web import WebServer
 from elicit.person.interview import Interview, SavedWithoutScreen
@@ -28,7 +30,7 @@ class Broken:
     """
 
     due: int | None = None
-    error: Exception = RuntimeError("a planted failure")
+    error: BaseException = RuntimeError("a planted failure")
 
     def __init__(self, known: Any = ()) -> None:
         self._asker = choose(VECTORS, PolytopeComparator(4), order=True, known=known)
@@ -56,8 +58,12 @@ class Broken:
         raise TypeError("so nothing is computed ahead, where a failure is left out")
 
 
-@pytest.fixture(params=[RuntimeError, KeyError, ValueError, np.linalg.LinAlgError])
-def failure(request: pytest.FixtureRequest) -> Iterator[type[Exception]]:
+class Panic(BaseException):
+    """What compiled Rust code raises, such as Clarabel's, is no Exception."""
+
+
+@pytest.fixture(params=[RuntimeError, KeyError, ValueError, np.linalg.LinAlgError, Panic])
+def failure(request: pytest.FixtureRequest) -> Iterator[type[BaseException]]:
     """The kind of a failure that can be planted from now on."""
     Broken.due, Broken.error = None, request.param("a planted failure")
     yield request.param
@@ -65,7 +71,7 @@ def failure(request: pytest.FixtureRequest) -> Iterator[type[Exception]]:
 
 
 def test_a_failure_after_an_answer_is_reported_and_nothing_is_lost(
-    failure: type[Exception], caplog: pytest.LogCaptureFixture
+    failure: type[BaseException], caplog: pytest.LogCaptureFixture
 ) -> None:
     with (
         Session(Broken, AnswerLog(k=4, who="ann"), who="ann") as session,
@@ -91,7 +97,7 @@ def test_a_failure_after_an_answer_is_reported_and_nothing_is_lost(
 
 
 def test_a_failure_before_the_first_question_is_reported_and_can_be_tried_again(
-    failure: type[Exception], caplog: pytest.LogCaptureFixture
+    failure: type[BaseException], caplog: pytest.LogCaptureFixture
 ) -> None:
     with (
         Session(Broken, AnswerLog(k=4)) as session,
@@ -155,3 +161,17 @@ def test_what_was_taken_back_before_a_failure_is_said_so(do: str, note: str) -> 
         again = interview.handle({"do": do, "id": id})
         assert note in again["note"]
         assert (again["stage"], again["answered"]) == ("question", 1)
+
+
+def test_what_fails_outside_an_interview_is_reported_too(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    with (
+        Session(Broken, AnswerLog(k=4)) as session,
+        WebServer(session, SUBJECT) as server,
+    ):
+        visitor = Visitor(server.new_address())
+        monkeypatch.setattr(web_app, "_file", MagicMock(side_effect=RuntimeError("planted")))
+        assert visitor.fetch("GET", "/", cookie=visitor.cookie)[0] == 500
+    assert "a request for / could not be answered" in caplog.text
+    assert "planted" in caplog.text
