@@ -15,7 +15,7 @@ from elicit.person.asker import Compares, Supposed
 from elicit.person.course.choices import Choices
 from elicit.person.course.conclusion import Conclusion, in_unit
 from elicit.person.course.conduct import choice_of, was_settled
-from elicit.person.course.counts import Counts
+from elicit.person.course.counts import Counts, numbered
 from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
 from elicit.person.course.pace import Pace
@@ -195,7 +195,11 @@ class Drawing:
 
     def _numbers(self) -> dict[str, int]:
         """Return the number of each answer in lists and reports, by its query's id."""
-        return {entry.answer.query.id: i for i, entry in enumerate(self._session.log, 1)}
+        return {
+            entry.answer.query.id: number
+            for number, entry in numbered(self._session.log)
+            if number is not None
+        }
 
     def answers(self) -> dict[str, Any]:
         """Return the list of all answers, and the conflicts among them."""
@@ -212,7 +216,7 @@ class Drawing:
                 "used": entry.used,
                 "repeat": entry.repeat,
             }
-            for number, entry in enumerate(self._session.log, 1)
+            for number, entry in numbered(self._session.log)
         ]
         return {
             "answers": said,
@@ -266,7 +270,7 @@ class Drawing:
         if what == "answers":
             return [
                 answer_row(number, entry, self._as_put(entry), said_of(self._subject, entry.answer))
-                for number, entry in enumerate(self._session.log, 1)
+                for number, entry in numbered(self._session.log)
             ]
         if what == "scale":
             return [

@@ -47,10 +47,10 @@ The other replies are:
     ``id`` of a conflict. The reply has ``choices`` (for each choice of it a sentence on what would
     be left, as far as computed) and ``ready`` (as of ``outlook``).
 ``answers``
-    The reply has ``answers``, oldest first, each with ``id``, ``number``, ``sentence``,
-    ``shown`` (both sides in words), ``verdict``, ``time``, ``withdrawn``, ``replaced`` (true if the
-    person has settled a difference since), ``used`` and ``repeat``, and ``conflicts``, lists of
-    ids.
+    The reply has ``answers``, oldest first, each with ``id``, ``number`` (null for one that was
+    taken back, so that the last number is ``answered``), ``sentence``, ``shown`` (both sides in
+    words), ``verdict``, ``time``, ``withdrawn``, ``replaced`` (true if the person has settled a
+    difference since), ``used`` and ``repeat``, and ``conflicts``, lists of ids.
 ``report``
     The reply has ``html``, a page to keep, and ``name`` for its file.
 ``download``
@@ -136,12 +136,20 @@ from elicit.person.session import Session
 from elicit.person.showing import Shown, drawn, legend_of, practice, printable, said_of, shown_of
 from elicit.person.showing import Subject as Subject
 from elicit.tutors.answer_log import CONTRADICTS, REPEATS, Entry
+from elicit.tutors.log_file import BadLog
 
 _MORE_AFTER_CAUTION = 10  # answers until a caution that the person passed over is said again
 _LONGEST_NAME = 80
 _ONLY_READ = ("answers", "report", "download")
 # these read what a thread computes, so neither waits for the other
 _READ_AT_ONCE = ("outlook", "prospects", "consequences")
+
+
+class SavedWithoutScreen(Exception):
+    """The message was taken and is saved, but the screen after it could not be made.
+
+    The same message may be sent again: it counts once, and its reply is then the screen.
+    """
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,8 +204,8 @@ class Interview(Closing):
     Raises
     ------
     ValueError
-        For something that is no message. The methods also raise what ``Session`` and its log raise,
-        after which the same message may be sent again.
+        For something that is no message. The methods also raise what ``Session``, its asker and its
+        log raise, after which the same message may be sent again.
     """
 
     def __init__(self, session: Session, subject: Subject, company: Company | None = None) -> None:
@@ -256,6 +264,8 @@ class Interview(Closing):
         ------
         ValueError
             For something that is no message.
+        SavedWithoutScreen
+            If the message is saved, but what comes next could not be computed.
         """
         parts = dict(message) if isinstance(message, Mapping) else {}
         do = str(parts.pop("do", None))
@@ -272,11 +282,40 @@ class Interview(Closing):
             return does(**parts)
         with self._lock, self._company.turns.reply():
             only_reads = do in _ONLY_READ
-            if self._over is not None and not only_reads:
-                return self._after_all(self._over)
-            screen = does(**parts)
-            self.progress = self._progress(self.progress, None if only_reads else screen)
+            before = self._written()
+            try:
+                if self._over is not None and not only_reads:
+                    return self._after_all(self._over)
+                screen = does(**parts)
+                self.progress = self._progress(self.progress, None if only_reads else screen)
+            except (OSError, BadLog):
+                raise  # the log was not written, and nothing has changed
+            except (KeyboardInterrupt, SystemExit):
+                raise
+            except BaseException as error:  # a panic of compiled Rust code is no Exception
+                self._begin_anew()
+                if self._written() == before:
+                    raise
+                raise SavedWithoutScreen(f"after {do!r}: {error}") from error
             return screen
+
+    def _written(self) -> tuple[int, int]:
+        """Return the number of answers in the log, and of those that were taken back."""
+        log = self._session.log
+        return len(log), sum(entry.retracted for entry in log)
+
+    def _begin_anew(self) -> None:
+        """Discard all that was computed, for a failure may have left it half done.
+
+        The next message computes it again from the log, so that whoever tries again can go on.
+        """
+        self._forget()
+        self._session.discard()
+
+    @property
+    def who(self) -> str:
+        """The name of the person, for messages to whoever runs the program."""
+        return printable(self._session.who or "a person without a name")
 
     def take_no_more(self, note: str) -> None:
         """Take no more answers. From now on every screen is the result, with this note.
@@ -622,7 +661,8 @@ class Interview(Closing):
         standing = self._session.log.standing
         if not standing or standing[-1].answer.query.id != id:
             return self._screen(
-                "Nothing was taken back, because that is no longer the last answer."
+                self._taken_back_before(id)
+                or "Nothing was taken back, because that is no longer the last answer."
             )
         self._forget()
         self._chosen.stopped = False
@@ -631,10 +671,17 @@ class Interview(Closing):
 
     def _withdraw(self, id: str) -> dict[str, Any]:
         if not any(entry.answer.query.id == id for entry in self._session.log.standing):
-            return self._screen("Nothing was taken back, because that answer no longer stands.")
+            return self._screen(
+                self._taken_back_before(id) or "Nothing was taken back: there is no such answer."
+            )
         self._forget()
         self._session.withdraw(id)
         return self._screen("Taken back. The other answers stay.")
+
+    def _taken_back_before(self, id: str) -> str | None:
+        """Return a note for an answer that was taken back already, as by a message sent twice."""
+        said = [entry.retracted for entry in self._session.log if entry.answer.query.id == id]
+        return "That answer was taken back already." if said and all(said) else None
 
 
 def _number(text: str) -> int | None:

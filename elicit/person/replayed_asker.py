@@ -151,8 +151,23 @@ class ReplayedAsker:
         """Return a new asker that knows no answer, or None if none can be made."""
         return None if self._make is None else self._made([])
 
+    def discard(self) -> None:
+        """Discard the asker, and those that were made ahead; the next one is made from the log.
+
+        An asker that was given stays, for it cannot be made again.
+        """
+        if self._make is not None:
+            self._position = None
+            self._restarts = MadeAhead[_Key, Made]()
+
+    def restart(self) -> None:
+        """Go on with a new asker that knows all that stands from the start."""
+        self._know(self._restarted())
+
     def exchange(self, id: str, metadata: dict[str, Any], answer: Answer) -> None:
         """Take back the answer to the query of this id, and append another one in its place.
+
+        ``restart`` must follow.
 
         Raises ValueError if a new asker would be needed and cannot be made.
         """
@@ -163,7 +178,6 @@ class ReplayedAsker:
         stamp = self._stamp()
         stamp.pop(WHO, None)  # the answer says whose it is
         self._log.append(answer, **stamp)
-        self._know(self._restarted())
 
     def known_and_told(self) -> tuple[list[Entry], list[Entry]]:
         """Return the entries that are not withdrawn, without repeats.

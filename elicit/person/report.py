@@ -153,7 +153,9 @@ def report_page(
     if details.preamble or details.legend:
         asked = asked_about(details.preamble, details.legend)
         parts += ["<h2>What was asked</h2>", *asked]
-    listed = f"Every answer, oldest first ({len(answers)})"
+    taken_back = sum(one["number"] is None for one in answers)
+    besides = f", and {taken_back} taken back" if taken_back else ""
+    listed = f"Every answer, oldest first ({len(answers) - taken_back}{besides})"
     parts += ["<h2>Answers</h2>", f"<details><summary>{listed}</summary>"]
     parts += [*_answers(answers, end["conflicts"]), "</details>"]
     if details.limits:
@@ -334,21 +336,24 @@ def _answers(
         f'<th scope="col" class="{name}">{words}</th>' for name, words in columns.items()
     )
     yield f'<table class="answers">\n<thead><tr>{head}</tr></thead>\n<tbody>'
-    for number, one in enumerate(answers, 1):
+    for one in answers:
         stands, replaced = not one["withdrawn"], one.get("replaced", False)
         remarks = {
-            "replaced after a check": replaced,
+            "replaced after a check": replaced and not one["repeat"],
             "taken back": not stands and not replaced,
             "contradicts others": stands and one["id"] in among,
             "ignored": stands and not one["used"] and not one["repeat"],
             "asked again as a check": one["repeat"],
+            "settled since": replaced and one["repeat"],
         }
-        said = escaped(one["sentence"]) if stands else f"<s>{escaped(one['sentence'])}</s>"
+        counts = one["number"] is not None
+        said = escaped(one["sentence"]) if counts else f"<s>{escaped(one['sentence'])}</s>"
         if one.get("shown"):
             said += f'<br><span class="soft shown">{escaped(one["shown"])}</span>'
         when = escaped((one["time"] or "")[:16].replace("T", " "))
         noted = ", ".join(words for words, holds in remarks.items() if holds)
         yield (
-            f'<tr><td>{number}</td><td>{said}</td><td class="soft">{when}</td><td>{noted}</td></tr>'
+            f"<tr><td>{one['number'] or ''}</td><td>{said}</td>"
+            f'<td class="soft">{when}</td><td>{noted}</td></tr>'
         )
     yield "</tbody>\n</table>"

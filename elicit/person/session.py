@@ -167,6 +167,14 @@ class Session(Closing):
         """
         return self._replayed.current()
 
+    def discard(self) -> None:
+        """Discard the asker and all that was computed, which a failure may have left half done.
+
+        The next call makes them again from the log. A session that was given an asker keeps it.
+        """
+        self._consistent = None
+        self._replayed.discard()
+
     @property
     def makes_askers(self) -> bool:
         """True if it was given a function that makes an asker, not an asker."""
@@ -423,10 +431,13 @@ class Session(Closing):
         query = replace(first.answer.query, id=f"{SETTLED}{first.answer.query.id}")
         meant = Answer(query, verdict, again.answer.swapped, again.answer.who)  # type: ignore[arg-type]
         told = {**self._now(), RESOLVED: None if meant.verdict is None else int(meant.verdict)}
-        if meant.verdict != first.answer.verdict:
+        changes = meant.verdict != first.answer.verdict
+        if changes:
             self._replayed.exchange(first.answer.query.id, told, meant)
         self._log.retract(id, **told)
         self._put_at.clear()
+        if changes:  # last, for it may fail, and the log must be whole by then
+            self._replayed.restart()
 
     def supposing(
         self, without: Collection[str], meant: Sequence[Answer] = ()

@@ -59,7 +59,7 @@ def add_to(commands: Any) -> None:
 
 def show(files: list[Path]) -> int:
     """Print the answers of each log; returns the exit code."""
-    from elicit.person.course.counts import Counts
+    from elicit.person.course.counts import Counts, numbered
 
     code = 0
     for path in files:
@@ -80,7 +80,7 @@ def show(files: list[Path]) -> int:
         labels = log.header.get("labels")
         rows += [
             _row(number, entry, shown.get(entry.answer.query.id), labels)
-            for number, entry in enumerate(log, start=1)
+            for number, entry in numbered(log)
         ]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         for row in rows:
@@ -169,7 +169,7 @@ def _complain(faults: list[BadLog | OSError]) -> int:
 
 
 def _row(
-    number: int, entry: Entry, put: Mapping[str, Any] | None, labels: Sequence[str] | None
+    number: int | None, entry: Entry, put: Mapping[str, Any] | None, labels: Sequence[str] | None
 ) -> tuple[str, ...]:
     """Return an answer in words: those of the screen, if the log says how it was put."""
     verdict = entry.answer.verdict
@@ -181,7 +181,9 @@ def _row(
         about, shown = f"{about} (of {put['of']} {put['unit']})", ""
     word = "cannot tell" if verdict is None else {0: "equal", **sides}[int(verdict)]
     standing = ", repeat" if entry.repeat else "" if entry.used else ", unused"
-    state = ", withdrawn" if entry.retracted else standing
+    # a repeat whose difference the person has settled still counts as an answer
+    withdrawn = ", withdrawn" if number is None else ", repeat, settled since"
+    state = withdrawn if entry.retracted else standing
     said = {
         name: str(entry.metadata[name])
         for name in ("time", "who", "latency")
@@ -190,7 +192,7 @@ def _row(
     time, who, latency = (said.get(name, "") for name in ("time", "who", "latency"))
     query = entry.answer.query
     return (
-        str(number),
+        "" if number is None else str(number),
         time,
         who,
         query.id,

@@ -45,7 +45,7 @@ class Counts:
         entries = [*log]
         again = repeats_in(entries)
         first = [entry for entry in entries if entry.stands and not entry.repeat]
-        said = [entry.answer.verdict for entry in (*first, *again)]
+        said = [entry.answer.verdict for entry in entries if is_counted(entry)]
         return Counts(
             answered=len(said),
             repeated=len(again),
@@ -85,6 +85,25 @@ class Counts:
             return ""
         questions = "question was" if self.repeated == 1 else "questions were"
         return f"{self.alike} of {self.repeated} repeated {questions} answered as before."
+
+
+def is_counted(entry: Entry) -> bool:
+    """Return whether an answer is one of ``Counts.answered``, and so has a number in lists."""
+    return entry.stands or (entry.repeat and was_settled(entry))
+
+
+def numbered(log: Iterable[Entry]) -> list[tuple[int | None, Entry]]:
+    """Return the entries of a log with their numbers.
+
+    Those that count are numbered from 1 to ``Counts.answered``. Those that were taken back, or
+    replaced, have no number.
+    """
+    found: list[tuple[int | None, Entry]] = []
+    n = 0
+    for entry in log:
+        n += is_counted(entry)
+        found.append((n if is_counted(entry) else None, entry))
+    return found
 
 
 def in_answers(n: int) -> str:

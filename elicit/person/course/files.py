@@ -52,13 +52,15 @@ def as_json(rows: Sequence[Mapping[str, Any]]) -> str:
     return json.dumps([dict(row) for row in rows], indent=2, ensure_ascii=False) + "\n"
 
 
-def answer_row(number: int, entry: Entry, shown: ShowsCounts, sentence: str) -> dict[str, Any]:
+def answer_row(
+    number: int | None, entry: Entry, shown: ShowsCounts, sentence: str
+) -> dict[str, Any]:
     """Return an answer as a row of a table: the question as it was shown, and all its counts.
 
     Parameters
     ----------
-    number : int
-        Of the answer, from 1.
+    number : int or None
+        Of the answer, from 1. None if it was taken back.
     entry : Entry
     shown : Shown
     sentence : str

@@ -17,11 +17,10 @@ from elicit.person.study.study import Study
 
 RUNNER = "study"
 """The first part of the path of the page of whoever runs the study."""
-_ASK = "A link lets in one browser, once. Ask whoever runs the study for a new link."
-_KEPT = "What was answered is kept. After a restart of the program everybody needs a new link."
-_RUN_IT = (
-    "The address of this page lets in one browser, once. For this one, press Enter in the terminal "
-    "where the program runs, and open the address that it prints then."
+_ASK = "Ask whoever runs the study for a new link."
+_KEPT = (
+    "Each link lets in one browser, once, and a new one is needed after a restart of the program. "
+    "All answers are kept."
 )
 
 
@@ -50,7 +49,7 @@ class Reception:
             who: Door(port, names, f"/{number}/", _ASK, _KEPT)
             for number, who in enumerate(study.people, 1)
         }
-        self._runner = Door(port, names, f"/{RUNNER}/", _RUN_IT)
+        self._runner = Door(port, names, f"/{RUNNER}/")
         self._nobody = Door(port, names, "/", _ASK, _KEPT)
         for door in self._doors.values():
             door.new_token()
@@ -84,6 +83,11 @@ class Reception:
                 await room({**scope, "path": f"/{rest}"}, receive, send)
 
         return route
+
+    @property
+    def who(self) -> str:
+        """Whose page it is, for messages to whoever runs the program."""
+        return "whoever runs the study"
 
     def handle(self, message: Mapping[str, Any]) -> dict[str, Any]:
         """Return the reply to a message of whoever runs the study.

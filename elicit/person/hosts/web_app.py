@@ -26,6 +26,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from elicit.person.interview import SavedWithoutScreen
 from elicit.tutors.log_file import BadLog
 
 PAGE = Path(__file__).with_name("page")
@@ -48,11 +49,13 @@ _HEADERS = {
     "permissions-policy": "camera=(), geolocation=(), microphone=()",
 }
 NOT_LET_IN = (
-    "The address that the program printed lets in one browser, once. For this one, press Enter in "
-    "the terminal where "
-    "the program runs, and open the address that it prints then."
+    "To open it here, press Enter in the terminal where the program runs, and open the address "
+    "that it prints then."
 )
-_CLOSED_DOOR = """<!doctype html>
+_CLOSED_STYLE = "closed.css"
+"""The one file that everybody may read: the looks of the page for whoever is not let in."""
+_LOOKS = b"\n".join((PAGE / name).read_bytes() for name in ("style.css", "page.css"))
+_CLOSED_DOOR = f"""<!doctype html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
@@ -60,18 +63,37 @@ _CLOSED_DOOR = """<!doctype html>
 <meta name="color-scheme" content="light dark">
 <title>Not open to this browser</title>
 <link rel="icon" href="data:,">
+<link rel="stylesheet" href="{_CLOSED_STYLE}">
 </head>
 <body>
-<main>
+<main class="elicit">
+<div class="sheet">
+<div class="middle">
+<div class="wrap">
 <h1>Not open to this browser</h1>
-<p>{advice}</p>
-<p>{stopped}</p>
+<section class="panel">
+<p>{{advice}}</p>
+<p class="soft">{{why}}</p>
+</section>
+</div>
+</div>
+</div>
 </main>
 </body>
 </html>
 """
 
-_STOPPED = "If the program was stopped, start it again: what was answered is kept."
+_FAILED = "the page of %s: the message %r could not be answered: %s"
+_WENT_WRONG = "Something went wrong in the program. All answers that were saved are safe."
+_NEXT_FAILED = "Your answer is saved, but what comes next could not be worked out."
+_IF_AGAIN = (
+    "Press Try again. If that does not help, tell whoever runs the program, which says more where "
+    "it runs."
+)
+_WHY = (
+    "Each address lets in one browser, once. If the program was stopped, start it again with the "
+    "same command. All answers are kept."
+)
 
 _log = logging.getLogger(__name__)
 
@@ -95,6 +117,10 @@ class Impatient(H11Protocol):
 class Takes(Protocol):
     """Whoever takes the messages of a page, such as an ``Interview``."""
 
+    @property
+    def who(self) -> str:
+        """Whose page it is, for messages to whoever runs the program."""
+
     def handle(self, message: Mapping[str, Any], /) -> dict[str, Any]:
         """Return the reply to a message."""
 
@@ -104,8 +130,8 @@ class Door:
 
     port: names the cookie, because a browser sends a host's cookies to all its ports. hosts: the
     names, in lower case and with their ports, by which the page may be called. path: that of the
-    page, for which alone the cookie is sent. advice, stopped: sentences to whoever is not let in,
-    on how to get in, and on what to do after a restart.
+    page, for which alone the cookie is sent. advice: a sentence on how to get in, for whoever is
+    not let in. why: further sentences to them.
     """
 
     def __init__(
@@ -114,12 +140,12 @@ class Door:
         hosts: Iterable[str],
         path: str = "/",
         advice: str = NOT_LET_IN,
-        stopped: str = _STOPPED,
+        why: str = _WHY,
     ) -> None:
         self.cookie = f"elicit-{port}"
         self.hosts = frozenset(hosts)
         self.path, self.advice = path, advice
-        self.closed_page = _CLOSED_DOOR.format(advice=advice, stopped=stopped)
+        self.closed_page = _CLOSED_DOOR.format(advice=advice, why=why)
         self.secret = secrets.token_urlsafe(32)
         self._token: str | None = None
         self._lock = threading.Lock()
@@ -203,7 +229,11 @@ class _Guarded:
 
         request = Request(scope)
         app = self._elsewhere(request) or self._stranger(request) or self._app
-        await app(scope, receive, with_headers)
+        try:
+            await app(scope, receive, with_headers)
+        except Exception:  # else nobody would be told, for the server's own log is off
+            _log.exception("a request for %s could not be answered", self._door.path)
+            raise
 
     def _elsewhere(self, request: Request) -> Response | None:
         """Return the refusal of what a browser sends for another page.
@@ -241,6 +271,8 @@ class _Guarded:
             return None
         if path == "/api":
             return _error(403, self._door.advice)
+        if path.endswith(f"/{_CLOSED_STYLE}") and request.method in ("GET", "HEAD"):
+            return Response(_LOOKS, media_type="text/css")
         return HTMLResponse(self._door.closed_page, 403)
 
     def _let_in(self, request: Request) -> Response:
@@ -295,7 +327,7 @@ async def _reply(interview: Takes, message: dict[str, Any], at_once: CapacityLim
     If something went wrong it says what, without a word of what was answered.
     """
     try:
-        reply = await to_thread.run_sync(interview.handle, message, limiter=at_once)
+        reply = await to_thread.run_sync(_handled, interview, message, limiter=at_once)
         return Response(json.dumps(reply), media_type="application/json")
     except BadLog as error:
         _log.error("%s", error)
@@ -315,18 +347,27 @@ async def _reply(interview: Takes, message: dict[str, Any], at_once: CapacityLim
             f"{'Free some space' if room else 'Mend that'}, and try again.",
         )
     except ValueError as error:
-        _log.warning("a message was refused: %s", error)
+        _log.warning(_FAILED, interview.who, message.get("do"), error, exc_info=True)
         return _error(
-            400, "This could not be done; the program says why where it runs. Reload the page."
+            400,
+            "This could not be done; the program says why where it runs. Press Try again, or "
+            "reload the page.",
         )
+    except Exception as error:
+        _log.exception(_FAILED, interview.who, message.get("do"), error)
+        saved = isinstance(error, SavedWithoutScreen)
+        text = _NEXT_FAILED if saved else _WENT_WRONG
+        return _error(500, f"{text} {_IF_AGAIN}", saved=saved)
+
+
+def _handled(interview: Takes, message: dict[str, Any]) -> dict[str, Any]:
+    """Return the interview's reply. All that it raises is an Exception, which is then reported."""
+    try:
+        return interview.handle(message)
     except Exception:
-        _log.exception("a message could not be answered")
-        return _error(
-            500,
-            "Something went wrong in the program, which says more where it runs. What was saved is "
-            "not lost: reload "
-            "the page, or start the program again.",
-        )
+        raise
+    except BaseException as error:  # such as a panic of compiled Rust code
+        raise RuntimeError(f"{type(error).__name__}: {error}") from error
 
 
 def _file(name: str) -> Response:
@@ -342,8 +383,10 @@ async def _refused(request: Request, error: Exception) -> Response:
     return _error(error.status_code, error.detail, error.headers)
 
 
-def _error(status: int, text: str, headers: Any = None) -> Response:
-    return Response(json.dumps({"error": text}), status, headers, "application/json")
+def _error(status: int, text: str, headers: Any = None, saved: bool = False) -> Response:
+    """Return an error in words; ``saved``: what was sent is saved all the same."""
+    told = {"error": text, **({"saved": True} if saved else {})}
+    return Response(json.dumps(told), status, headers, "application/json")
 
 
 def _same(one: str, other: str) -> bool:

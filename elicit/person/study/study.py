@@ -114,7 +114,7 @@ class Study(Closing):
                     "who": printable(who),
                     "answered": interview.progress.answered,
                     "minutes": interview.progress.minutes,
-                    "state": _state(interview.progress),
+                    "state": _state(interview.progress, self.ended),
                     "settled": interview.progress.settled,
                     "last": interview.progress.last,
                 }
@@ -240,8 +240,12 @@ def _groups(found: Agreement) -> list[str]:
     return [f"The answers show {len(found.groups)} groups: {names}.", rule]
 
 
-def _state(now: Progress) -> str:
-    """Return in a few words where a person is."""
+def _state(now: Progress, ended: bool) -> str:
+    """Return in a few words where a person is, or was when the study ended."""
+    if ended and not now.answered:
+        return "ended before the first answer"
+    if ended and now.stage not in (None, "end"):
+        return "ended before finishing"
     if now.stage is None:
         return "has not come back since the start" if now.answered else "has not come yet"
     return _STATES[now.stage]

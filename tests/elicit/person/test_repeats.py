@@ -194,6 +194,50 @@ def test_an_interview_says_only_afterwards_that_it_was_one():
     assert any(len(both) == 2 for both in sides.values())
 
 
+def test_answers_that_were_taken_back_have_no_number_anywhere(tmp_path, capsys):
+    path = tmp_path / "log.jsonl"
+    with (
+        Session(make, path, audit=1, seed=1) as session,
+        Interview(session, Subject(tuple("abcde"))) as interview,
+    ):
+        screen = interview.handle({"do": "practised", "choice": "a"})
+        settled = taken_back = 0
+        while settled < 2 or len(session.log) < 14:
+            if screen["stage"] == "conflict":
+                id = screen["conflict"]["id"]
+                settled += 1
+                meant = screen["conflict"]["choices"][settled % 2]["choice"]
+                screen = interview.handle({"do": "settle", "id": id, "choice": meant})
+                continue
+            assert screen["stage"] == "question"
+            query = session.question()
+            verdict, swapped = says(query), session.log.asked[-1].swapped
+            if session.is_repeat(query.id) and settled < 2:
+                verdict = Verdict.BETTER if verdict != Verdict.BETTER else Verdict.WORSE
+            choice = "equal" if verdict == 0 else "a" if (verdict == 1) != swapped else "b"
+            screen = interview.handle({"do": "answer", "id": query.id, "choice": choice})
+            if not taken_back and not session.log[-1].repeat:
+                screen = interview.handle({"do": "undo", "id": query.id})
+                taken_back += 1
+        screen = interview.handle({"do": "result"})
+        found = interview.handle({"do": "answers"})["answers"]
+        numbers = [one["number"] for one in found]
+        assert None in numbers
+        assert [n for n in numbers if n] == [*range(1, screen["answered"] + 1)]
+        assert all(one["withdrawn"] for one in found if one["number"] is None)
+        assert [one["repeat"] for one in found if one["number"] and one["withdrawn"]] == [True] * 2
+        assert [row["number"] for row in interview.table("answers")] == numbers
+        page = interview.handle({"do": "report"})["html"]
+    gone = numbers.count(None)
+    assert page.count("<s>") == page.count("<tr><td></td>") == gone
+    assert f"oldest first ({screen['answered']}, and {gone} taken back)" in page
+    assert main(["log", "show", str(path)]) == 0
+    rows = capsys.readouterr().out.splitlines()[2:-1]
+    assert [int(row.split()[0]) if row[0] != " " else None for row in rows] == numbers
+    assert sum(", withdrawn" in row for row in rows) == gone
+    assert sum("repeat, settled since" in row for row in rows) == 2
+
+
 def test_what_is_no_share():
     with pytest.raises(ValueError, match="audit"):
         Session(make, AnswerLog(), audit=1.5)

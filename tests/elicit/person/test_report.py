@@ -84,15 +84,18 @@ def test_a_report_marks_what_was_taken_back_repeated_or_does_not_go_together(
         "used": True,
         "repeat": False,
     }
+    gone = {**one, "number": None, "withdrawn": True, "used": False}
+    again = {"repeat": True, "time": None}
     answers = [
-        {**one, "id": "x", "sentence": "x rather than y", "used": False},
-        {**one, "id": "z", "sentence": "z rather than y", "withdrawn": True, "used": False},
-        {**one, "id": "y", "sentence": "y rather than x", "repeat": True, "time": None},
+        {**one, "id": "x", "number": 1, "sentence": "x rather than y", "used": False},
+        {**gone, "id": "z", "sentence": "z rather than y"},
+        {**one, "id": "y", "number": 2, "sentence": "y rather than x", **again},
     ]
     page = Parts(report_page("", "today", end, answers, waiting=False))
-    assert "1 x rather than y 2026-01-02 03:04 contradicts others, ignored 2 " in page.text
-    assert "2 z rather than y 2026-01-02 03:04 taken back 3 " in page.text
-    assert page.text.endswith("3 y rather than x contradicts others, asked again as a check")
+    assert "1 x rather than y 2026-01-02 03:04 contradicts others, ignored z " in page.text
+    assert "ignored z rather than y 2026-01-02 03:04 taken back 2 " in page.text  # without a number
+    assert page.text.endswith("2 y rather than x contradicts others, asked again as a check")
+    assert "Every answer, oldest first (2, and 1 taken back)" in page.text
     assert page.tags.count("s") == 1
     assert "These 2 answers contradict each other" in page.text
     assert "3 answers (1 ignored because they contradict others, 1 more taken back)." in page.text

@@ -3,14 +3,15 @@
 
 const UNTOUCHED = 250; // ms after something is drawn in which no button works: what still comes was meant for the last
 const SLOW = 400; // ms after which a wait is put into words
-const AGAIN = 1000; // ms between two looks at what is computed beside a question
+const AGAIN = 1000; // ms between two looks at what is computed beside a question; each failure doubles them
+const MOST_FAILURES = 3; // looks that may fail: what is beside a question is then left out
 const KEYS = { ArrowLeft: "a", a: "a", ArrowRight: "b", b: "b", ArrowDown: "equal", "?": "cannot tell" };
 // from the worst level to the best; orange and blue, which nearly everybody tells apart
 const COLOURS = [[127, 39, 4], [217, 95, 14], [254, 196, 79], [198, 219, 239], [107, 174, 214], [8, 81, 156]];
 const NUMBERS = ["no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"];
 
 // Draw an interview into the element `root`; `send(message)` promises the reply, or rejects with an Error whose message
-// says what the person can do. What may differ between hosts: `keys`, the target that hears the keyboard; `later`, how
+// says what the person can do, and whose `saved` is true if the message is saved and only the reply is missing. What may differ between hosts: `keys`, the target that hears the keyboard; `later`, how
 // to go on another day; `where`, where answers are saved; `seen`, a title and a sentence on who sees them;
 // `titled(text)`, told where the person is. Returns a function that takes all of it away.
 export function mount(root, send, options = {}) {
@@ -74,7 +75,7 @@ export function mount(root, send, options = {}) {
       stays = (await job()) === STAYS;
       failed = null;
     } catch (error) {
-      failed = { job, lost, why: error.message };
+      failed = { job, lost: error.saved ? "" : lost, why: error.message, wait };
     }
     clearTimeout(slow);
     say(waiting, "");
@@ -158,12 +159,13 @@ export function mount(root, send, options = {}) {
   // What is computed beside a question or the welcome, until all of it is there.
   async function follow(message, drawn) {
     const mine = ++following;
-    for (;;) {
+    for (let failures = 0; failures <= MOST_FAILURES; ) {
       const reply = await send(message).catch(() => null);
-      if (mine !== following || !reply) return;
-      drawn(reply);
-      if (reply.ready) return;
-      await new Promise((done) => setTimeout(done, AGAIN));
+      if (mine !== following) return;
+      if (reply) drawn(reply);
+      else failures += 1;
+      if (reply?.ready) return;
+      await new Promise((done) => setTimeout(done, AGAIN * 2 ** failures));
       if (mine !== following) return;
     }
   }
@@ -450,7 +452,7 @@ export function mount(root, send, options = {}) {
   // What came in beside the welcome: what each budget will likely prove.
   function drawProspects({ budgets, settled, ready }) {
     const places = [...body.querySelectorAll(".likely")];
-    const none = ready ? "" : places.length ? "Working out what this will likely prove ..." : "";
+    const none = ready ? "" : places.length ? "Working out what this will likely prove\u00a0..." : "";
     for (const [i, place] of places.entries()) {
       say(place, i === places.length - 1 ? settled : budgets[i] || none);
     }
@@ -562,17 +564,19 @@ export function mount(root, send, options = {}) {
     const among = new Set(listed.conflicts.flat());
     const items = listed.answers.map((one) => {
       const tags = [];
-      if (one.withdrawn) tags.push(one.replaced ? "replaced after a check" : "taken back");
+      const counts = one.number !== null; // one that was taken back has no number, and is struck through
+      if (!counts) tags.push(one.replaced ? "replaced after a check" : "taken back");
       else if (among.has(one.id)) tags.push("contradicts others");
       if (!one.withdrawn && !one.used && !one.repeat) tags.push("ignored");
       if (one.repeat) tags.push("asked again as a check");
-      const number = part("span", "soft", {}, [`${one.number}. `]);
-      const said = part("span", "", {}, [number, part(one.withdrawn ? "s" : "span", "", {}, [one.sentence])]);
+      if (one.repeat && one.replaced) tags.push("settled since");
+      const number = counts ? [part("span", "soft", {}, [`${one.number}. `])] : [];
+      const said = part("span", "", {}, [...number, part(counts ? "span" : "s", "", {}, [one.sentence])]);
       const words = part("span", "words", {}, [said]);
       words.append(...tags.map((tag) => part("span", "tag", {}, [tag])));
       const when = one.time && new Date(one.time).toLocaleString(undefined, WHEN);
       if (when) words.append(part("time", "soft", { datetime: one.time }, [when]));
-      return part("li", one.withdrawn ? "gone" : "", {}, one.withdrawn ? [words] : [words, back(one.id, one.sentence)]);
+      return part("li", counts ? "" : "gone", {}, one.withdrawn ? [words] : [words, back(one.id, one.sentence)]);
     });
     const conflicts = listed.conflicts.map((ids) => conflict(ids.map((id) => standing.get(id)).filter(Boolean)));
     const none = part("p", "", {}, ["There are none yet."]);
@@ -593,10 +597,11 @@ export function mount(root, send, options = {}) {
   }
 
   function complain() {
-    const { job, lost, why } = failed;
-    const again = button("alt", "Try again", () => act(job, lost));
-    banner.replaceChildren(part("p", "", {}, [part("b", "", {}, [lost]), ` ${why}`]), again);
+    const { job, lost, why, wait } = failed;
+    const again = button("alt", "Try again", () => act(job, lost, wait));
+    banner.replaceChildren(part("p", "", {}, [...(lost ? [part("b", "", {}, [lost]), " "] : []), why]), again);
     banner.hidden = false;
+    if (!screen) body.replaceChildren(part("h1", "heading", {}, ["Not ready yet"])); // there is no other heading
     body.querySelectorAll(".live.chosen, .alt.chosen").forEach((one) => one.classList.remove("chosen"));
     say(note, "");
     again.disabled = false;

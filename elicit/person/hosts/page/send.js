@@ -7,10 +7,13 @@ export function sender(stopped, shutOut) {
       throw new Error(stopped);
     });
     if (reply.status === 403) throw new Error(shutOut);
-    const content = await reply.json().catch(() => {
-      throw new Error(stopped);
-    });
-    if (!reply.ok) throw new Error(content.error ?? `The program answers ${reply.status}. Press Try again.`);
+    const content = await reply.json().catch(() => null);
+    if (reply.ok && !content) throw new Error(stopped);
+    if (!reply.ok) {
+      const error = new Error(content?.error ?? `The program answers ${reply.status}. Press Try again.`);
+      error.saved = content?.saved === true;
+      throw error;
+    }
     return content;
   };
 }

@@ -10,9 +10,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit import AnswerLog, Verdict, Words
+from elicit import AnswerLog, Session, Subject, Verdict, Words
 from elicit.person.course.conclusion import Conclusion, ResultTable
-from tests.browser_cases import LABELS, QUESTIONS, Listed, bags, browser, executable, served
+from elicit.person.hosts.study_web import StudyServer
+from elicit.person.study.study import Study
+from tests.browser_cases import (
+    LABELS,
+    QUESTIONS,
+    WORDS,
+    Listed,
+    bags,
+    browser,
+    executable,
+    says,
+    served,
+)
 
 WIDE = {"width": 1100, "height": 760}
 NARROW = {"width": 390, "height": 844}
@@ -43,10 +55,16 @@ class Windows:
         self._context: Any = None
 
     def open(
-        self, server: Any, size: dict[str, int] = WIDE, *, hurry: bool = True, **how: Any
+        self,
+        server: Any,
+        size: dict[str, int] = WIDE,
+        *,
+        hurry: bool = True,
+        until: str = "h1",
+        **how: Any,
     ) -> Any:
         """A window of the page. The first one of a server is let in by its address; later ones have
-        the cookie. Its pauses are short, unless ``hurry`` is False.
+        the cookie. Its pauses are short, unless ``hurry`` is False. until: what is waited for.
         """
         if self._context is None:
             self._context = self._chromium.new_context(
@@ -61,8 +79,12 @@ class Windows:
         page.on("pageerror", lambda error: self.complaints.append(str(error)))
         page.on("dialog", lambda dialog: self.complaints.append(dialog.message))
         page.goto(server.new_address())
-        page.wait_for_selector("h1")
+        page.wait_for_selector(until)
         return page
+
+    def context(self, **how: Any) -> Any:
+        """Another browser, which was not let in."""
+        return self._chromium.new_context(**how)
 
     def close(self) -> None:
         if self._context is not None:
@@ -357,6 +379,100 @@ def test_nothing_is_lost_when_the_program_stops(windows: Windows) -> None:
 
 
 @pytest.mark.slow
+class FailsOnce(Listed):
+    """An asker that fails once when it is asked after so many answers."""
+
+    due: int | None = None
+
+    def ask(self) -> Any:
+        if len(self._told) == FailsOnce.due:
+            FailsOnce.due = None
+            raise RuntimeError("a planted failure")
+        return super().ask()
+
+    def __deepcopy__(self, memo: Any) -> Any:
+        raise TypeError("so no question is computed ahead, where a failure is left out")
+
+
+@pytest.mark.parametrize("several", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_a_failure_in_choosing_a_question_is_said_and_tried_again(
+    windows: Windows, several: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    with ExitStack() as stack:
+        FailsOnce.due = 0
+        stack.callback(setattr, FailsOnce, "due", None)
+        server: Any
+        if several:
+            people = ("ann", "ben")
+            sessions = {
+                who: stack.enter_context(
+                    Session(lambda known: FailsOnce(QUESTIONS, known), path, who=who)
+                )
+                for who, path in zip(people, (windows.log, None), strict=True)
+                for path in [AnswerLog(path, 3, who=who)]
+            }
+            FailsOnce.due = 0  # not while the session is made
+            subject = Subject(LABELS, WORDS, report=says, least=0)
+            study = stack.enter_context(Study(sessions, subject))
+            server = stack.enter_context(StudyServer(study))
+            server.new_address = lambda: server.links()["ann"]
+            who, where = "ann", "for the study"
+        else:
+            server = stack.enter_context(served(windows.log, ask=FailsOnce))
+            who, where = "a person without a name", "on this computer"
+        FailsOnce.due = 0
+        page = windows.open(server, NARROW, until=".banner:visible")
+        banner = page.locator(".banner:visible")
+        assert banner.inner_text().startswith(
+            "This cannot be shown yet. Something went wrong in the program."
+        )
+        assert f"the page of {who}: the message 'state'" in caplog.text
+        assert "a planted failure" in caplog.text
+        violated(page)
+        name(page, "Try again").click()
+        practise(page)
+        FailsOnce.due = 1
+        click(page, "a")
+        banner.wait_for()
+        assert banner.inner_text().startswith(  # and not that it was not saved
+            "Your answer is saved, but what comes next could not be worked out."
+        )
+        assert "planted" not in page.inner_text("body")
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        violated(page)
+        page.evaluate("document.activeElement.click()")  # Try again has the focus
+        at(page, "Question 2")
+        assert not banner.count()
+        assert f"1 answer saved {where}" in page.inner_text(".saved")
+        for n in range(2, 6):
+            at(page, f"Question {n}")
+            click(page, truthfully(page))
+        at(page, "Result")
+    assert [(id, stands) for id, _, stands in windows.entries()] == [
+        (f"q{i}", True) for i in range(5)
+    ]
+    assert len(windows.complaints) == 2
+    assert all(said.startswith("Failed to load resource") for said in windows.complaints)
+    windows.complaints.clear()
+
+
+def test_the_page_for_who_is_not_let_in_looks_like_the_others(windows: Windows) -> None:
+    with served(windows.log) as server:
+        used = server.new_address()
+        server.new_address()
+        for scheme, colour in (("light", "rgb(20, 32, 43)"), ("dark", "rgb(232, 238, 243)")):
+            context = windows.context(viewport=NARROW, color_scheme=scheme)
+            page = context.new_page()
+            reply = page.goto(used)
+            assert reply.status == 403
+            assert page.locator("h1").inner_text() == "Not open to this browser"
+            assert page.locator(".panel p").count() == 2
+            assert page.evaluate("getComputedStyle(document.querySelector('h1')).color") == colour
+            assert page.evaluate("document.documentElement.scrollWidth") <= 390
+            violated(page)
+            context.close()
+
+
 def test_what_is_computed_beside_is_asked_for_until_it_is_there(windows: Windows) -> None:
     replies = [
         {"why": [], "to_come": None, "ready": False},

@@ -202,7 +202,13 @@ def test_the_runner_sees_where_each_is_and_ends_the_study(room: Room) -> None:
     agreed = room.runner.screen("agreement")
     assert (agreed["people"], agreed["few"], len(agreed["levels"])) == (["ann", "ben"], "", 4)
     before = room.logs()
-    assert room.runner.screen("end")["ended"]
+    ended = room.runner.screen("end")
+    assert ended["ended"]
+    assert [one["state"] for one in ended["people"]] == [
+        "ended before finishing",
+        "ended before finishing",
+        "ended before the first answer",
+    ]
     late = room.guests["ann"].screen("answer", id=screens["ann"]["question"]["id"], choice="a")
     assert (late["stage"], late["last"], late["end"]["more"]) == ("end", None, False)
     assert "has ended" in late["note"]
@@ -210,6 +216,7 @@ def test_the_runner_sees_where_each_is_and_ends_the_study(room: Room) -> None:
         assert room.guests["ben"].screen(do, **parts)["stage"] == "end"
     assert room.guests["chen"].screen()["stage"] == "end"
     assert room.logs() == before
+    assert room.runner.screen()["people"] == ended["people"]  # also once they have seen the result
     assert room.guests["ann"].screen("answers")["answers"]
 
 

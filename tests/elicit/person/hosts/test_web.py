@@ -184,6 +184,31 @@ def test_there_is_nothing_without_the_cookie(visitor: Visitor) -> None:
             assert (status, b"this is" in body, "set-cookie" in headers) == (403, False, False)
 
 
+def test_who_is_not_let_in_sees_one_sentence_on_what_to_do_and_the_looks_of_the_page(
+    server: WebServer, visitor: Visitor
+) -> None:
+    status, headers, body = visitor.fetch("GET", "/")
+    page = body.decode()
+    assert (status, headers["content-type"]) == (403, "text/html; charset=utf-8")
+    assert (
+        "<p>To open it here, press Enter in the terminal where the program runs, and open" in page
+    )
+    assert '<link rel="stylesheet" href="closed.css">' in page
+    assert 'content="light dark"' in page
+    for path in ("/closed.css", "/page/closed.css"):  # the link is relative to any closed page
+        status, headers, body = visitor.fetch("GET", path, sec_fetch_site="same-origin")
+        assert (status, headers["content-type"]) == (200, "text/css; charset=utf-8")
+        assert b".elicit .sheet" in body
+        assert b"prefers-color-scheme: dark" in body
+        assert b"this is" not in body  # nothing of what is served to those who are let in
+    for path, method in (
+        ("/closed.css", "POST"),
+        ("/closed.css/x", "GET"),
+        ("/xclosed.css", "GET"),
+    ):
+        assert visitor.fetch(method, path, origin=server.origin)[0] == 403
+
+
 def test_another_programs_cookie_of_the_same_name_does_not_shut_out(visitor: Visitor) -> None:
     name = visitor.cookie.split("=")[0]
     for cookie in (f"{name}=x; {visitor.cookie}", f'{visitor.cookie}; {name}="x"; a=b'):
