@@ -18,7 +18,7 @@ from elicit._support.seeds import seed_of
 from elicit._support.validation import is_number, require
 from elicit.model.comparator import check_tie
 from elicit.model.difference import as_vectors, tail_sums
-from elicit.model.difference_kernel import UNSETTLED
+from elicit.model.difference_kernel import LEFT_OPEN
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats, exact_dot, gaps, normalise
 from elicit.tutors import simulated_kernel as kernel
@@ -101,7 +101,7 @@ class _Simulated:
     def respondent(self) -> Respondent:
         """The tutor as plain arrays, for compiled loops; what it says there is counted here.
 
-        Ask for it anew whenever it has come back UNSETTLED. Nobody, for one that answers in a way
+        Ask for it anew whenever it has come back LEFT_OPEN. Nobody, for one that answers in a way
         of its own.
         """
         kind = type(self)
@@ -245,7 +245,7 @@ def _truth(t: Floats, g: Floats) -> tuple[int, float]:
     t (p,) are tail sums and g (p,) gaps; it is 0 at a tie and nowhere else.
     """
     sign, size = kernel.truth(t, g)
-    if sign != UNSETTLED:
+    if sign != LEFT_OPEN:
         return sign, size
     exact = exact_dot(t, g)
     return (exact > 0) - (exact < 0), max(abs(float(exact)), 5e-324) if exact else 0.0

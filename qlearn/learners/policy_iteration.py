@@ -235,7 +235,7 @@ class InteractivePolicyIteration(Learner):
         comparator = self._elicitation.comparator
         in_full = partial(completed, found, self._mdp, advantages, comparator)
         looked_at = advantages if self._end is None else rounds.everything()
-        settled = np.bincount(self._settled_by(looked_at), minlength=len(Tier))
+        by_tier = np.bincount(self._deciding_tiers(looked_at), minlength=len(Tier))
         shares = partial(q_of, np.arange(self._mdp.n_states), advantages.v, model_of(self._mdp))
         policy = advantages.policy.copy()
         return self._result(
@@ -244,7 +244,7 @@ class InteractivePolicyIteration(Learner):
             shares,
             self._end,
             rounds.rounds,
-            more=settled,
+            more=by_tier,
             guarantee=in_full,
             tolerance=self._enough,
         )
@@ -392,7 +392,7 @@ class InteractivePolicyIteration(Learner):
         pair = Pair(left, right, "two mixtures of levels: left or right?", who=who)
         return pair if elicitation.may_ask(cut[None], lambda _: pair.place).all() else None
 
-    def _settled_by(self, advantages: Advantages) -> NDArray[np.int8]:
+    def _deciding_tiers(self, advantages: Advantages) -> NDArray[np.int8]:
         """Return the tiers (n,) that decided that the policy's alternatives are no better.
 
         Open ones are left out, unless the budget is spent.
@@ -409,15 +409,15 @@ class InteractivePolicyIteration(Learner):
         """Audit some of what the proof depends on; without audits, end."""
         if self._elicitation.asking_state().audit:
             advantages = self._rounds.some_of(advantages)
-            judged = self._elicitation.decide(advantages.d, partial(self._place, advantages))
+            decisions = self._elicitation.decide(advantages.d, partial(self._place, advantages))
             rows = np.flatnonzero(
-                (judged.verdicts == Verdict.UNKNOWN) & (judged.tiers != Tier.TUTOR)
+                (decisions.verdicts == Verdict.UNKNOWN) & (decisions.tiers != Tier.TUTOR)
             )
         else:
             rows = np.empty(0, np.int64)
         if len(rows):
             some = self._elicitation.next_batch(advantages.d[rows])[: self._elicitation.audits_left]
-            return self._open(advantages, rows[some], judged.tiers)
+            return self._open(advantages, rows[some], decisions.tiers)
         within = Status.CONVERGED if found.loss_bound <= self._tolerance else Status.CERTIFIED
         self._end = Status.BOUNDED if np.isnan(found.confidence) else within
         return ()

@@ -566,11 +566,13 @@ class InteractiveTraining:
     def _audit(self, shares: Floats, at: int) -> _Question | None:
         """Return a pair of policies that the answers have decided, if audits are wanted."""
         d = np.delete(shares, at, axis=0) - shares[at]
-        judged = self._elicitation.decide(d, lambda row: self._pair_of_policies(at, row).place)
-        rows = np.flatnonzero((judged.verdicts == Verdict.UNKNOWN) & (judged.tiers != Tier.TUTOR))
+        decisions = self._elicitation.decide(d, lambda row: self._pair_of_policies(at, row).place)
+        rows = np.flatnonzero(
+            (decisions.verdicts == Verdict.UNKNOWN) & (decisions.tiers != Tier.TUTOR)
+        )
         if not len(rows) or not self._elicitation.audits_left:
             return None
-        return _Question(self._pair_of_policies(at, int(rows[0]), int(judged.tiers[rows[0]])))
+        return _Question(self._pair_of_policies(at, int(rows[0]), int(decisions.tiers[rows[0]])))
 
     def _converged(self, confidence: float) -> Status:
         if self.optimality_gap is None:

@@ -60,7 +60,7 @@ from elicit.comparators.bradley_terry.raters import learn as learn_of_several
 from elicit.comparators.bradley_terry.smc import ParticleArrays, effective_size, learn, thetas
 from elicit.decision.comparator_rule import Rule, weighted
 from elicit.decision.draw_bounds import quantiles, upper_together
-from elicit.decision.verdicts import decide_by
+from elicit.decision.verdicts import decide_by_rule
 from elicit.lp.hit_and_run import Draws
 from elicit.lp.prior_inequalities import PriorLike, as_prior
 from elicit.model.comparator import ALLOWANCE, TIE, Verdicts, check_answers, check_levels, check_tie
@@ -451,7 +451,7 @@ class PosteriorComparator:
 
         Dominance comes first, then the sign that has probability ``level``.
         """
-        return decide_by(self.rule, as_differences(d, self.k)).verdicts
+        return decide_by_rule(self.rule, as_differences(d, self.k)).verdicts
 
     @property
     def rule(self) -> Rule:
