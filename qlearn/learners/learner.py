@@ -138,8 +138,8 @@ class Result:
         Computes the loss bound.
     rounds : int
         Steps, sweeps, or policies solved for.
-    discount : float
-        The MDP's discount.
+    mdp : OrdinalMDP
+        The problem.
     tolerance, budget
         The tolerance and the budget of questions that the learner was given, None if it has none.
     """
@@ -155,7 +155,7 @@ class Result:
     rounds: int
     shares: Floats | Callable[[], Floats]
     guarantee: Callable[[], Guarantee]
-    discount: float
+    mdp: OrdinalMDP
     member_guarantees: Callable[[], Mapping[str, Guarantee]] = dict
     tolerance: float | None = None
     budget: int | None = None
@@ -208,6 +208,11 @@ class Result:
         transition probabilities, also if the learner only samples them.
         """
         return float(self._guaranteed.loss_bound)
+
+    @property
+    def discount(self) -> float:
+        """The MDP's discount."""
+        return self.mdp.discount
 
     @property
     def return_loss_bound(self) -> float:
@@ -465,7 +470,7 @@ class Learner:
             cannot_tell=elicitation.cannot_tell,
             rounds=rounds,
             guarantee=guarantee or partial(loss_bound, mdp, policy.copy(), elicitation.comparator),
-            discount=mdp.discount,
+            mdp=mdp,
             member_guarantees=partial(_of_members, mdp, policy.copy(), elicitation.comparator),
             tolerance=tolerance,
             budget=elicitation.max_queries,
