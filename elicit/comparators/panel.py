@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from elicit._support.fixed_order import product
 from elicit._support.hashing import name_code
 from elicit._support.threads import one_thread
-from elicit._support.validation import is_number, require
+from elicit._support.validation import check_printable, is_number, require
 from elicit.decision.comparator_rule import DecidesRest, Rule, compares_by_rule, nothing, unaided
 from elicit.decision.verdicts import decide, decide_by_rule
 from elicit.lp.hit_and_run import Draws
@@ -121,6 +121,7 @@ class Panel:
         for name, member in members.items():
             if as_who(name) is None:
                 raise TypeError("a member of a panel needs a name, not None")
+            check_printable("names of members", [name])
             check_comparator_made(member)
             if isinstance(member, Panel) or unordered_of(member) is not None:
                 kind = type(member).__name__
