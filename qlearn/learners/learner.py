@@ -133,7 +133,7 @@ class Result:
     decided : (len(Tier),)
         Number of comparisons by tier.
     shares : (S, A, k) or function
-        ``q``, or a function that computes it.
+        ``q``, or a function that computes it when it is first read.
     guarantee : function
         Computes the loss bound.
     rounds : int
@@ -190,7 +190,7 @@ class Result:
 
     @cached_property
     def q(self) -> Floats:
-        """The shares (S, A, k), computed when first read if a function gives them."""
+        """Share vectors (S, A, k) of taking each action first, and then following the policy."""
         return self.shares() if callable(self.shares) else self.shares
 
     @cached_property
@@ -218,7 +218,7 @@ class Result:
     def return_loss_bound(self) -> float:
         """Upper bound on the policy's loss of return at the worst state.
 
-        The best level's reward exceeds the worst level's by 1, so that it is ``loss_bound / (1 -
+        Its unit is the reward of the best level minus that of the worst. It is ``loss_bound / (1 -
         discount)``.
         """
         return self.loss_bound / (1 - self.discount)

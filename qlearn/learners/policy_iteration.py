@@ -88,13 +88,12 @@ class InteractivePolicyIteration(Learner):
     strategy : function of ``qlearn.strategies``, or its name
         Picks the question. The default weighs what an answer tells by how likely it is to matter.
     bags : elicit.Bags, "magnified" or "as they are", optional
-        What is put to the tutor. "as they are": the futures of two actions at a state. "magnified":
-        what these differ by, times the greatest power of two that two bags have room for
-        (``elicit.asking.magnified``), with the same answer. Tutors who err where little is at
-        stake answer it better (docs/contest.md), so it is the default for a comparator that
-        predicts answers; "as they are" is the default for others. A ``Bags``: simple bags instead
-        ("of 10 days ..."), one at a time, as far as they tell enough of the signs of the
-        advantages in question.
+        The form of the questions. "as they are": the futures of two actions at a state.
+        "magnified": the difference of these futures, times the greatest power of two that two bags
+        have room for. The right answer is the same, and tutors who err where little is at stake
+        give it more often (docs/contest.md). A ``Bags``: simple bags ("of 10 days ..."), one
+        question at a time, as far as they tell enough. Default: "magnified" for a comparator that
+        predicts answers, "as they are" for others.
     cuts : bool, optional
         Once most plausible scales agree on the policy, also ask about two mixtures of levels that
         are made to close several advantages at once (``elicit.asking.cuts``), if that promises
@@ -102,12 +101,12 @@ class InteractivePolicyIteration(Learner):
         time, no bags, and a tutor who calls no pair equal and can tell all. Default: wherever that
         holds, whatever the strategy. ``True`` raises where it cannot hold.
     exact : bool, optional
-        Whether every round looks at all states. Otherwise a round improves the last solution
-        approximately, which the bound allows for, and looks at a sample of states, with a few
-        questions a solution, as long as the sample refutes the tolerance; only then all advantages
-        are bounded. Default: True up to ``LARGE`` states. Without ``exact``, ``Result.decided``
-        counts the alternatives looked at, and all of them at the end. Rounds are always exact if
-        the comparator leaves the order of two levels open.
+        True: every round solves the MDP and looks at all states. False: a round only improves the
+        last solution, and looks at a sample of states, until the sample no longer refutes the
+        tolerance. Then all advantages are bounded. The bound allows for the inexact solution.
+        Default: True up to ``LARGE`` states. If the comparator leaves the order of two levels open,
+        rounds are exact in any case. With False, ``Result.decided`` counts the alternatives that
+        were looked at, and at the end all of them.
     **asking
         The options of ``elicit.AskingOptions``. The seed picks audits and samples of states. An
         advantage that no plausible scale puts above ``indifference`` is not asked about; the

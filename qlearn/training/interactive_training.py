@@ -289,16 +289,15 @@ class InteractiveTraining:
         *,
         trained: bool = True,
     ) -> None:
-        """Add a policy.
+        """Add a policy, and how much of each level it gets.
 
-        It is the one trained on the values that ``to_train`` gave last. If there were none, or with
-        ``trained=False``, it has another origin, and says nothing about policies that nobody has
-        seen.
+        Normally it is the policy that was trained on the values that ``to_train`` gave last. Then
+        it limits what any other policy can reach.
 
         Parameters
         ----------
         policy
-            Any object.
+            Any object. The result has it again.
         shares : (k,) or RolloutShares
             As ``rollout_shares`` finds them, or its result. A total below 1 means that runs were
             cut off. The missing share counts in ``loss_bound``.
@@ -306,6 +305,8 @@ class InteractiveTraining:
             Standard errors of the shares; for objectives those of each (k - 1,). Without errors the
             shares are taken to be exact.
         trained : bool
+            False for a policy of another origin. It may be chosen, but it says nothing about the
+            policies that nobody has seen.
 
         Raises
         ------

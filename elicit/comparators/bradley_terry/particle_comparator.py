@@ -520,7 +520,10 @@ class PosteriorComparator:
         return np.asarray(found / len(tutors))
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Return the (1 - level) and the level quantile of d.e, so that lo > 0 goes with BETTER."""
+        """Return the quantiles (n,) of d.e at 1 - ``level`` and at ``level``, for differences (n, k).
+
+        The verdict is BETTER if the first is above 0.
+        """
         gaps, weights = self._gaps_and_weights
         t = tail_sums(as_differences(d, self.k))
         low, high = np.empty(len(t)), np.empty(len(t))
@@ -616,7 +619,7 @@ class PosteriorComparator:
 
     @property
     def acceptance(self) -> float:
-        """The share of proposed moves that were accepted; nan before the first."""
+        """The share of the particles' proposed moves that were accepted; nan before the first."""
         return self.accepted / self.proposed if self.proposed else math.nan
 
     @cached_property

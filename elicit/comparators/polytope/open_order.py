@@ -168,7 +168,7 @@ class OpenOrderComparator:
 
     @property
     def rule(self) -> Rule:
-        """No arrays: dominance depends on the order, so the comparator decides itself."""
+        """A rule that decides nothing: since either order may hold, ``decide_rest`` decides all."""
         return unaided()
 
     @one_thread
