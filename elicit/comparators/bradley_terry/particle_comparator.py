@@ -520,7 +520,7 @@ class PosteriorComparator:
         return np.asarray(found / len(tutors))
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Return the quantiles (n,) of d.e at 1 - ``level`` and at ``level``, for differences (n, k).
+        """Return two quantiles (n,) of d.e for differences (n, k): 1 - ``level`` and ``level``.
 
         The verdict is BETTER if the first is above 0.
         """
