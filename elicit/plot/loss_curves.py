@@ -79,4 +79,4 @@ def loss_history(histories: HasLosses | Mapping[str, HasLosses], ax: Axes | None
     return ax
 
 
-_LINES = (("-", "loss under the true values"), (":", "bound"))
+_LINES: tuple[tuple[Any, str], ...] = (("-", "loss under the true values"), (":", "bound"))
