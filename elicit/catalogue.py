@@ -67,6 +67,7 @@ class ComparatorEntry:
                  one of the same class
     cost         CPU time of a run, relative to the cheapest (rough; orders the runs of a sweep)
     compiles     the small run of ``qlearn.experiments.compile_ahead`` that compiles what it needs
+    quick        whether ``qlearn ablate --quick`` runs it
     """
 
     name: str
@@ -84,6 +85,7 @@ class ComparatorEntry:
     indifferent: bool = False
     cost: float = 1.0
     compiles: str | None = None
+    quick: bool = False
 
     @property
     def look(self) -> dict[str, Any]:
@@ -128,6 +130,7 @@ _ENTRIES = (  # Okabe and Ito's colours; the markers and line styles tell the sa
         linestyle=(0, (1, 1.5)),
         learns=False,
         proves=False,
+        quick=True,
     ),
     ComparatorEntry(
         name="polytope",
@@ -140,6 +143,7 @@ _ENTRIES = (  # Okabe and Ito's colours; the markers and line styles tell the sa
         fixed={"wrong": 0},
         trusts=True,
         compiles="proofs",
+        quick=True,
     ),
     ComparatorEntry(
         name="polytope-1-wrong",
@@ -171,6 +175,7 @@ _ENTRIES = (  # Okabe and Ito's colours; the markers and line styles tell the sa
         color="#CC79A7",
         marker="P",
         linestyle=(0, (8, 2)),
+        quick=True,
         **_POSTERIOR,
     ),
     ComparatorEntry(
@@ -190,6 +195,7 @@ _ENTRIES = (  # Okabe and Ito's colours; the markers and line styles tell the sa
         linestyle=(0, (5, 1.5)),
         fixed={"region": "ensemble"},
         cost=4.0,
+        quick=True,
         **_BRADLEY_TERRY,
     ),
     ComparatorEntry(

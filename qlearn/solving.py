@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from elicit._support.hashing import Seed
+from elicit._support.keywords import naming_nearest
 from elicit._support.seeds import seed_of
 from elicit.comparators.panel import Panel
 from elicit.model.comparator import Comparator
@@ -19,6 +20,7 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.panel.asking_for_the_worst_off import WorstOffIteration
 
 
+@naming_nearest
 def solve(
     mdp: OrdinalMDP,
     tutor: Tutors,

@@ -1,9 +1,13 @@
 """Checks of the keywords that a function takes through a common set (``**options``)."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
+from functools import wraps
 from inspect import signature
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 def check_keywords(taker: Any, given: Mapping[str, Any], common: Iterable[str]) -> None:
@@ -35,3 +39,15 @@ def check_keywords(taker: Any, given: Mapping[str, Any], common: Iterable[str]) 
         f"{taker.__name__} has no keyword {unknown[0]!r}. The nearest is {nearest!r}; it takes "
         f"{', '.join(names)}"
     )
+
+
+def naming_nearest(function: Callable[P, R]) -> Callable[P, R]:
+    """Make a function name the nearest keyword if it is given one that it does not have."""
+    known = [*signature(function).parameters]
+
+    @wraps(function)
+    def checked(*args: P.args, **keywords: P.kwargs) -> R:
+        check_keywords(function, keywords, known)
+        return function(*args, **keywords)
+
+    return checked

@@ -3,7 +3,8 @@
 A text, None, nan, or a number without end is only found wrong.
 """
 
-from collections.abc import Sized
+import unicodedata
+from collections.abc import Iterable, Sized
 from math import inf, isfinite
 from numbers import Real
 from typing import Any
@@ -45,3 +46,22 @@ def require(holds: bool, name: str, wanted: str, value: object) -> None:
     """Raise ValueError unless the setting of that name is what is ``wanted``."""
     if not holds:
         raise ValueError(f"{name} must be {wanted}, not {value!r}")
+
+
+def check_printable(name: str, texts: Iterable[str]) -> None:
+    """Raise ValueError if a text holds a control character.
+
+    Printed, it could change what a person sees of all that stands around it.
+    """
+    for one in texts:
+        if one.isprintable():  # saves a look at each character
+            continue
+        found = next((c for c in one if unicodedata.category(c) in _CONTROLS), None)
+        if found is not None:
+            raise ValueError(
+                f"{name} are shown to people, and {one!r} holds the control character {found!r}: "
+                "leave it out"
+            )
+
+
+_CONTROLS = ("Cc", "Cs", "Zl", "Zp")  # controls, lone surrogates, and ends of lines and paragraphs

@@ -16,7 +16,8 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from elicit._support.validation import is_list, require
+from elicit._support.keywords import naming_nearest
+from elicit._support.validation import check_printable, is_list, require
 from elicit.asking.elicitation import Elicitation, OnConflict
 from elicit.asking.options import EarlierAnswers
 from elicit.asking.question import Pair
@@ -87,6 +88,7 @@ class Choice:
         )
 
 
+@naming_nearest
 def choose(
     vectors: ArrayLike,
     comparator: Comparator,
@@ -150,6 +152,7 @@ def choose(
         f"None or {n} names, one for each of the vectors",
         names,
     )
+    check_printable("names", map(str, names or ()))
     _check_labels(labels, n, comparator.k)
     if check_totals:
         totals = rows.sum(axis=1)
@@ -211,7 +214,7 @@ class Choosing:
         self._names = names
         self._elicitation = elicitation
         self._verdicts = np.full((n, n), Verdict.UNKNOWN, dtype=np.int8)  # so far
-        self._judged = np.zeros(
+        self._finality = np.zeros(
             (n, n), dtype=np.int8
         )  # 0: not with all that is known now; 1: so; 2: for good
         self._standing = list(
@@ -254,7 +257,7 @@ class Choosing:
             if after._elicitation.cannot_tell == before.cannot_tell and not dropped:
                 after._learns = after._elicitation.comparator is not before.comparator
             if after._learns:
-                after._judged[after._judged == 1] = 0
+                after._finality[after._finality == 1] = 0
             i, j = np.array([after._pair]).T
             after._enter(i, j, np.array([verdict], np.int8), np.zeros(1, np.int8))
             after._advance()
@@ -301,10 +304,10 @@ class Choosing:
             # if no answer teaches anything, the order of the search is best: each of its steps
             # halves the rest
             ahead, other = self._most_open(candidates) if self._learns else candidates[0].tolist()
-            self._judged[ahead, other] = (
+            self._finality[ahead, other] = (
                 0  # another pair of the same difference may have been answered
             )
-            if self._judge([ahead], other)[0] == Verdict.UNKNOWN:
+            if self._decide([ahead], other)[0] == Verdict.UNKNOWN:
                 break
         self._pair = ahead, other
         about = f"{self._names[ahead]} or {self._names[other]}"
@@ -318,7 +321,7 @@ class Choosing:
         """
         left: list[int] = []
         for i in self._standing:
-            codes = self._judge(left, i)
+            codes = self._decide(left, i)
             if not ((codes == Verdict.BETTER) | (codes == Verdict.EQUAL)).any():
                 left = [j for j, code in zip(left, codes, strict=True) if code != Verdict.WORSE]
                 left.append(i)
@@ -337,7 +340,7 @@ class Choosing:
         Each vector is inserted from the end of those whose guess is better, by a search that
         doubles its steps, so a good guess costs one comparison each.
         """
-        self._judge(by_guess[:-1], by_guess[1:])
+        self._decide(by_guess[:-1], by_guess[1:])
         groups: list[list[int]] = []
         guessed: list[tuple[int, int]] = []
         for i in by_guess.tolist():
@@ -345,7 +348,7 @@ class Choosing:
             while low < high:
                 middle = max(low, high - step) if step else (low + high) // 2
                 j = groups[middle][0]
-                code = self._judge([j], i)[0]
+                code = self._decide([j], i)[0]
                 if code == Verdict.UNKNOWN:
                     guessed.append((j, i))
                     code = Verdict.BETTER
@@ -378,13 +381,17 @@ class Choosing:
         return ahead, other
 
     def _enter(
-        self, i: _Indices, j: _Indices, verdicts: NDArray[np.int8], judged: NDArray[np.int8]
+        self, i: _Indices, j: _Indices, verdicts: NDArray[np.int8], finality: NDArray[np.int8]
     ) -> None:
         """The verdicts (n,) on rows i against rows j, both (n,), and so those on j against i."""
-        self._verdicts[i, j], self._judged[i, j], self._judged[j, i] = verdicts, judged, judged
+        self._verdicts[i, j], self._finality[i, j], self._finality[j, i] = (
+            verdicts,
+            finality,
+            finality,
+        )
         self._verdicts[j, i] = np.where(verdicts == Verdict.UNKNOWN, verdicts, -verdicts)
 
-    def _judge(self, ahead: ArrayLike, other: ArrayLike) -> NDArray[np.int8]:
+    def _decide(self, ahead: ArrayLike, other: ArrayLike) -> NDArray[np.int8]:
         """Verdicts (n,) on rows ``ahead`` (n,) against rows ``other`` (n,) or one row.
 
         The comparator's are final, and so is a tie; what else the tutor said stands until the
@@ -393,7 +400,7 @@ class Choosing:
         a, b = np.broadcast_arrays(
             np.asarray(ahead, dtype=np.intp), np.asarray(other, dtype=np.intp)
         )
-        stale = self._judged[a, b] == 0
+        stale = self._finality[a, b] == 0
         if stale.any():
             i, j = a[stale], b[stale]
             d = self._vectors[i] - self._vectors[j]
@@ -401,10 +408,10 @@ class Choosing:
             verdicts[tiers == Tier.GUESS] = (
                 Verdict.UNKNOWN
             )  # all guesses together go by one order, without circles
-            settled = verdicts != Verdict.UNKNOWN
-            first = settled & (self._verdicts[i, j] == Verdict.UNKNOWN)
+            has_verdict = verdicts != Verdict.UNKNOWN
+            first = has_verdict & (self._verdicts[i, j] == Verdict.UNKNOWN)
             self._elicitation.commit(d[first], Decisions(verdicts[first], tiers[first]))
-            final = settled & ((tiers != Tier.KNOWN) | (verdicts == Verdict.EQUAL))
+            final = has_verdict & ((tiers != Tier.KNOWN) | (verdicts == Verdict.EQUAL))
             self._enter(i, j, verdicts, np.where(final, 2, 1).astype(np.int8))
         found: NDArray[np.int8] = self._verdicts[a, b]
         return found

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from elicit._support import jit
 from elicit._support.hashing import key_of
 from elicit._support.seeds import seed_of
-from elicit._support.validation import is_list, is_number, is_whole, require
+from elicit._support.validation import check_printable, is_list, is_number, is_whole, require
 from elicit.asking.answered_pairs import AnsweredPairs
 from elicit.asking.elicitation_kernel import (
     BOUNDS,
@@ -25,7 +25,7 @@ from elicit.asking.elicitation_kernel import (
     PLACE,
     AskingState,
     Facts,
-    Judgement,
+    PairDecision,
     decide_rows,
 )
 from elicit.asking.near_ties import NearTies
@@ -58,7 +58,7 @@ from elicit.model.comparator_parts import (
     wrong_of,
 )
 from elicit.model.difference import tail_sums
-from elicit.model.difference_kernel import UNSETTLED
+from elicit.model.difference_kernel import LEFT_OPEN
 from elicit.model.needs import Needs
 from elicit.model.pairs import first_of_each_pair, same_pairs
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match, query_id
@@ -100,7 +100,7 @@ class Elicitation:
     """
 
     needs: ClassVar[Needs] = Needs(
-        used=("rule", "settle", "tie", "wrong", "answers", "people", "whom")
+        used=("rule", "decide_rest", "tie", "wrong", "answers", "people", "whom")
     )
 
     def __init__(
@@ -141,6 +141,7 @@ class Elicitation:
             f"None or {k} names, one a level",
             labels,
         )
+        check_printable("labels", map(str, labels or ()))
         self._several = len(people_of(comparator)) > 1
         require(
             not (audit and self._several),
@@ -181,10 +182,10 @@ class Elicitation:
         self._learn_known(asking.get("known", ()))
 
     def decide(self, d: Floats, places: Callable[[int], Place] | None = None) -> Decisions:
-        """Decide differences d (n, k): UNKNOWN if the tutor must be asked.
+        """Decide differences d (n, k) by comparator, earlier answers and budget.
 
-        Then the tier is TUTOR, or, if answers have decided it and the tutor is only to confirm
-        it in an audit, the one that decided it. Counts nothing.
+        The verdict is UNKNOWN if the tutor must be asked. Then the tier is TUTOR. In an audit it is
+        the tier that has decided the pair, and the tutor is only to confirm it. Nothing is counted.
 
         ``places`` gives the place of a row: where the tutor could not tell, its estimates keep
         changing a little, and a person must not be asked about each new version of the same
@@ -192,10 +193,10 @@ class Elicitation:
         """
         n, t = len(d), np.ascontiguousarray(tail_sums(d))
         verdicts, tiers = decide(self.comparator, d)
-        unclear, close = np.full((2, n), UNSETTLED)
+        unclear, close = np.full((2, n), LEFT_OPEN)
         facts = Facts(verdicts.astype(np.int64), tiers.astype(np.int64), unclear, close)
         verdict, tier, needed = np.empty((3, n), np.int8)
-        out = Judgement(verdict, tier, np.empty(0, np.bool_), needed)
+        out = PairDecision(verdict, tier, np.empty(0, np.bool_), needed)
         asking, rows = self.asking_state(), np.arange(n)
         jit.expect(decide_rows, 1e-5 * n)
         while len(rows):
@@ -283,23 +284,23 @@ class Elicitation:
                 self.comparator.k,
             )
         dropped = tuple(answer for answer, took in zip(told, taken, strict=True) if not took)
-        settled = [
+        paired = [
             (answer, waiting[answer.query.id], any(answer is other for other in dropped))
             for answer in answers
         ]
-        cannot = self._cannot_now(settled)
+        cannot = self._cannot_now(paired)
         verdicts = [
             verdict_of_all(comparator, asked.pair, cannot, self.indifference)
             if self._several
             else self._act_on(answer, asked, unused, comparator)
-            for answer, asked, unused in settled
+            for answer, asked, unused in paired
         ]
         # an interruption may come at any line: so copies are changed, and published all at once
         answered, unclear, audits = self._answered.copy(), set(self._unclear), list(self.audits)
         counts, asked_so_far, cannot_tell = self.counts.copy(), self.asked, self.cannot_tell
         seen = []
         for (answer, (query, pair, expected), unused), verdict in zip(
-            settled, verdicts, strict=True
+            paired, verdicts, strict=True
         ):
             del waiting[query.id]
             cannot_tell += answer.verdict is None
@@ -319,7 +320,7 @@ class Elicitation:
             elif (
                 unused
                 or answer.verdict is None
-                or self._settled_by(self.answers + rows, query.d, said)
+                or self._enough_agree(self.answers + rows, query.d, said)
             ):
                 answered.add(query.d, said, binding=unused or said == Verdict.EQUAL)
             overruled = expected is not None and verdict != expected  # by the audit's answer
@@ -337,7 +338,7 @@ class Elicitation:
             pending=tuple(waiting.values()),
             to_act_on=tuple(
                 AnsweredQuery(asked, verdict)
-                for (_, asked, _), verdict in zip(settled, verdicts, strict=True)
+                for (_, asked, _), verdict in zip(paired, verdicts, strict=True)
                 if verdict != Verdict.UNKNOWN
             ),
             _answered=answered,
@@ -598,10 +599,10 @@ class Elicitation:
         if self._several:  # of which one cannot say what the others would
             return
         for i, y in enumerate(told.y.tolist()):
-            if self._settled_by(told[: i + 1], told.d[i], y):
+            if self._enough_agree(told[: i + 1], told.d[i], y):
                 self._answered.add(told.d[i], y, binding=y == 0)
 
-    def _settled_by(self, answers: Answers, d: Floats, verdict: int) -> bool:
+    def _enough_agree(self, answers: Answers, d: Floats, verdict: int) -> bool:
         """Return whether enough of the answers about a difference d (k,) say this.
 
         It is then not asked again. One is enough, and one more for each that may be wrong.
@@ -634,13 +635,13 @@ class Elicitation:
             self._fingerprint, number, asked.left, asked.right, asked.about, self._labels, asked.who
         )
 
-    def _cannot_now(self, settled: Sequence[tuple[Answer, Pending, bool]]) -> CannotTell:
+    def _cannot_now(self, paired: Sequence[tuple[Answer, Pending, bool]]) -> CannotTell:
         """Return the pairs that one of several cannot tell, after these answers.
 
         An answer that was dropped counts so too: the same person would only be asked again.
         """
         cannot = self._cannot
-        for answer, asked, unused in settled if self._several else ():
+        for answer, asked, unused in paired if self._several else ():
             if unused or answer.verdict is None:
                 cannot = cannot.adding(answer.who, asked.pair.left - asked.pair.right)
         return cannot

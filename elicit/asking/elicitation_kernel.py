@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from elicit._support.hashing import unit
 from elicit._support.jit import compiled
 from elicit.decision.comparator_rule import Rule
-from elicit.decision.judge_kernel import judge, within
+from elicit.decision.rule_kernel import by_rule, within
 from elicit.lp.sign_proofs import BY_DOMINANCE
 from elicit.model.comparator import BY_ANSWERS, Tier
 from elicit.model.difference_kernel import (
     BETTER,
     EQUAL,
+    LEFT_OPEN,
     NOT_THERE,
     UNKNOWN,
-    UNSETTLED,
     WORSE,
     PairTable,
     find,
@@ -51,7 +51,7 @@ class AskingState(NamedTuple):
 
 
 class Facts(NamedTuple):
-    """Facts about a pair (or about n, as int64 arrays). UNSETTLED: not looked up."""
+    """Facts about a pair (or about n, as int64 arrays). LEFT_OPEN: not looked up."""
 
     verdict: Any  # the comparator's own
     tier: Any  # of that verdict
@@ -59,54 +59,54 @@ class Facts(NamedTuple):
     close: Any  # EQUAL if d.e is proven to lie within the indifference, else UNKNOWN
 
 
-class Judgement(NamedTuple):
-    """The verdict on one pair (or on n, as arrays).
+class PairDecision(NamedTuple):
+    """The verdict of an elicitation on one pair (or on n, as arrays).
 
-    UNKNOWN means that the tutor must be asked, UNSETTLED that a fact is needed.
+    UNKNOWN means that the tutor must be asked, LEFT_OPEN that a fact is needed.
     """
 
     verdict: Any
     # the tier that decided it; UNKNOWN with another tier than TUTOR is an audit, in which the tutor
     # is to confirm a decision
     tier: Any
-    certified: Any  # True if ``judge`` wrote a certificate
+    certified: Any  # True if ``by_rule`` wrote a certificate
     needed: Any  # the fact that is needed
 
 
 @compiled
-def decide_by_facts(t: Any, asking: AskingState, facts: Facts) -> Judgement:
-    """Decide a pair with tail sums t (p,) by the policy.
+def decide_by_facts(t: Any, asking: AskingState, facts: Facts) -> PairDecision:
+    """Decide a pair with tail sums t (p,) by what is known of it.
 
     The comparator's verdict on it is among the facts. The result may be that the tutor must be
     asked.
     """
     verdict, tier = facts.verdict, facts.tier
-    if verdict == UNSETTLED:
+    if verdict == LEFT_OPEN:
         return missing(COMPARATOR)
     if verdict != UNKNOWN and (tier <= BY_DOMINANCE or asking.plain):
-        return judgement(verdict, tier)
+        return decided(verdict, tier)
     row, way = find(t, asking.answered)
     if row != NOT_THERE and (verdict == UNKNOWN or asking.answered.binding[row]):
-        return judgement(way * asking.answered.said[row], KNOWN)
+        return decided(way * asking.answered.said[row], KNOWN)
     if verdict != UNKNOWN:
         may = row == NOT_THERE and verdict != EQUAL and FIRST_BY_ANSWERS <= tier <= LAST_BY_ANSWERS
         if may and asking.audit > 0.0 and unit(pair_code(asking.key, t)) < asking.audit:
-            return judgement(UNKNOWN, tier)
-        return judgement(verdict, tier)
+            return decided(UNKNOWN, tier)
+        return decided(verdict, tier)
     if asking.unclear and facts.unclear != 0:
-        return missing(PLACE) if facts.unclear == UNSETTLED else judgement(EQUAL, KNOWN)
+        return missing(PLACE) if facts.unclear == LEFT_OPEN else decided(EQUAL, KNOWN)
     if asking.indifference > 0.0 and facts.close != UNKNOWN:
-        return missing(BOUNDS) if facts.close == UNSETTLED else judgement(EQUAL, INDIFFERENT)
+        return missing(BOUNDS) if facts.close == LEFT_OPEN else decided(EQUAL, INDIFFERENT)
     if len(asking.guess) > 0:
         at = 0.0
         for j in range(len(t)):
             at += t[j] * asking.guess[j]
-        return judgement(BETTER if at > 0.0 else WORSE if at < 0.0 else EQUAL, GUESS)
-    return judgement(UNKNOWN, TUTOR)
+        return decided(BETTER if at > 0.0 else WORSE if at < 0.0 else EQUAL, GUESS)
+    return decided(UNKNOWN, TUTOR)
 
 
 @compiled
-def decide_rows(rows: Any, t: Any, asking: AskingState, facts: Facts, out: Judgement) -> None:
+def decide_rows(rows: Any, t: Any, asking: AskingState, facts: Facts, out: PairDecision) -> None:
     """Write the results of ``decide_by_facts`` for rows of tail sums t (n, p) into ``out``."""
     for i in rows:
         found = decide_by_facts(
@@ -118,34 +118,35 @@ def decide_rows(rows: Any, t: Any, asking: AskingState, facts: Facts, out: Judge
 @compiled
 def decide_pair(
     d: Any, t: Any, sums: Any, certificate: Any, rule: Rule, asking: AskingState
-) -> Judgement:
-    """Decide by ``decide_by_facts`` a difference d (k,) that dominance leaves open.
+) -> PairDecision:
+    """Find the facts about one pair, and decide it by ``decide_by_facts``.
 
-    Facts are looked up as far as compiled code can, with the comparator's rule. t and sums (p,) are
-    overwritten. ``certificate`` is as for ``judge``.
+    Its difference is d (k,), and dominance has left it open. Facts are looked up as far as compiled
+    code can, with the comparator's rule. t and sums (p,) are
+    overwritten. ``certificate`` is as for ``by_rule``.
     """
     for j in range(len(t)):
         sums[j] = t[j]
-    verdict, tier, certified = judge(d, t, 0.0, certificate, rule)
-    if verdict != UNKNOWN and verdict != UNSETTLED and asking.plain:
-        return Judgement(verdict, tier, certified, NO_FACT)
-    found = decide_by_facts(sums, asking, Facts(verdict, tier, UNSETTLED, UNSETTLED))
+    verdict, tier, certified = by_rule(d, t, 0.0, certificate, rule)
+    if verdict != UNKNOWN and verdict != LEFT_OPEN and asking.plain:
+        return PairDecision(verdict, tier, certified, NO_FACT)
+    found = decide_by_facts(sums, asking, Facts(verdict, tier, LEFT_OPEN, LEFT_OPEN))
     if found.needed == BOUNDS:
         for j in range(len(t)):
             t[j] = sums[j]
         close = within(d, t, asking.indifference, rule)
-        found = decide_by_facts(sums, asking, Facts(verdict, tier, UNSETTLED, close))
+        found = decide_by_facts(sums, asking, Facts(verdict, tier, LEFT_OPEN, close))
     certified = certified and found.verdict == verdict
-    return Judgement(found.verdict, found.tier, certified, found.needed)
+    return PairDecision(found.verdict, found.tier, certified, found.needed)
 
 
 @compiled
-def judgement(verdict: int, tier: int) -> Judgement:
-    """Return a judgement that needs no further fact."""
-    return Judgement(verdict, tier, False, NO_FACT)
+def decided(verdict: int, tier: int) -> PairDecision:
+    """Return a decision that needs no further fact."""
+    return PairDecision(verdict, tier, False, NO_FACT)
 
 
 @compiled
-def missing(fact: int) -> Judgement:
-    """Return the judgement that a fact is needed first."""
-    return Judgement(UNSETTLED, UNSETTLED, False, fact)
+def missing(fact: int) -> PairDecision:
+    """Return the decision that a fact is needed first."""
+    return PairDecision(LEFT_OPEN, LEFT_OPEN, False, fact)

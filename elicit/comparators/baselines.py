@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from elicit.decision.comparator_rule import Rule, asking, silent
-from elicit.decision.verdicts import decide_by
+from elicit.decision.verdicts import decide_by_rule
 from elicit.model.comparator import TIE, Verdicts, check_answers, check_levels, check_tie
 from elicit.model.difference import as_differences, tail_sums
 from elicit.model.query import Answers
@@ -50,7 +50,7 @@ class _Unlearning:
 
     def compare(self, d: ArrayLike) -> Verdicts:
         """Return verdicts (n,) on differences (n, k)."""
-        return decide_by(self.rule, as_differences(d, self.k)).verdicts
+        return decide_by_rule(self.rule, as_differences(d, self.k)).verdicts
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """Return the least and the greatest d.e (n,) of rows (n, k) over every ordered scale."""

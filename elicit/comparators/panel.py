@@ -22,9 +22,9 @@ from numpy.typing import ArrayLike, NDArray
 from elicit._support.fixed_order import product
 from elicit._support.hashing import name_code
 from elicit._support.threads import one_thread
-from elicit._support.validation import is_number, require
-from elicit.decision.comparator_rule import Rule, Settling, compares_by_rule, nothing, unaided
-from elicit.decision.verdicts import decide, decide_by
+from elicit._support.validation import check_printable, is_number, require
+from elicit.decision.comparator_rule import DecidesRest, Rule, compares_by_rule, nothing, unaided
+from elicit.decision.verdicts import decide, decide_by_rule
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import (
     Comparator,
@@ -121,6 +121,7 @@ class Panel:
         for name, member in members.items():
             if as_who(name) is None:
                 raise TypeError("a member of a panel needs a name, not None")
+            check_printable("names of members", [name])
             check_comparator_made(member)
             if isinstance(member, Panel) or unordered_of(member) is not None:
                 kind = type(member).__name__
@@ -182,7 +183,7 @@ class Panel:
 
         A verdict is the one on which all members agree, or else the sign of the sums of bounds.
         """
-        return decide_by(self.rule, as_differences(d, self.k), self.settle).verdicts
+        return decide_by_rule(self.rule, as_differences(d, self.k), self.decide_rest).verdicts
 
     @property
     def rule(self) -> Rule:
@@ -194,12 +195,12 @@ class Panel:
         return unaided()
 
     @one_thread
-    def settle(self, d: Floats) -> Decisions:
+    def decide_rest(self, d: Floats) -> Decisions:
         """Return verdicts and tiers (n,) of differences (n, k) that dominance leaves open."""
         if len(self.people) == 1:
             member = self._only
-            by_rule = compares_by_rule(type(member)) and offers(member, "settle")
-            return cast(Settling, member).settle(d) if by_rule else decide(member, d)
+            by_rule = compares_by_rule(type(member)) and offers(member, "decide_rest")
+            return cast(DecidesRest, member).decide_rest(d) if by_rule else decide(member, d)
         each = np.stack([decide(member, d).verdicts for member in self._each])
         up, down = (each == Verdict.BETTER).any(axis=0), (each == Verdict.WORSE).any(axis=0)
         verdicts = np.where(up, Verdict.BETTER, np.where(down, Verdict.WORSE, Verdict.EQUAL))

@@ -1,4 +1,4 @@
-"""A comparator's knowledge as plain arrays: the rule by which ``decision.judge_kernel`` decides.
+"""A comparator's knowledge as plain arrays: the rule by which ``decision.rule_kernel`` decides.
 
 A loop that compares millions of pairs cannot call Python for each comparison. It takes a
 comparator's ``rule`` anew after every update. All rules have one type, so that the code that
@@ -38,11 +38,11 @@ class Ruled(Protocol):
 
 
 @runtime_checkable
-class Settling(Protocol):
+class DecidesRest(Protocol):
     """A comparator that can decide the differences that its rule leaves open."""
 
-    def settle(self, d: Floats) -> Decisions:
-        """Return verdicts and tiers (n,) of differences d (n, k) that the rule leaves UNSETTLED."""
+    def decide_rest(self, d: Floats) -> Decisions:
+        """Return verdicts and tiers (n,) of differences d (n, k) that the rule leaves open."""
 
 
 @cache

@@ -10,24 +10,26 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from elicit._support import jit
-from elicit.decision.comparator_rule import Rule, Settling, compares_by_rule, rule_of
-from elicit.decision.judge_kernel import judge_all
+from elicit.decision.comparator_rule import DecidesRest, Rule, compares_by_rule, rule_of
+from elicit.decision.rule_kernel import all_by_rule
 from elicit.model.comparator import Comparator, Decisions, Tier, Verdicts, offers
 from elicit.model.difference import as_differences, dominance, tail_sums
-from elicit.model.difference_kernel import UNKNOWN, UNSETTLED
+from elicit.model.difference_kernel import LEFT_OPEN, UNKNOWN
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats
 
 
 def decide(comparator: Comparator, d: ArrayLike) -> Decisions:
-    """Return ``comparator.compare(d)`` of differences d (n, k), with the tiers (n,).
+    """Return a comparator's verdicts on differences d (n, k), and the tier (n,) of each.
 
-    If a comparator has no rule, differences that are neither equal nor dominated count as MODEL.
+    The verdicts are those of ``comparator.compare(d)``. If a comparator has no rule, differences
+    that are neither equal nor dominated count as MODEL.
     """
     rows = as_differences(d, comparator.k)
     if compares_by_rule(type(comparator)):
-        settle = cast(Settling, comparator).settle if offers(comparator, "settle") else None
-        return decide_by(rule_of(comparator), rows, settle)
+        has_rest = offers(comparator, "decide_rest")
+        rest = cast(DecidesRest, comparator).decide_rest if has_rest else None
+        return decide_by_rule(rule_of(comparator), rows, rest)
     verdicts = _checked(comparator.compare(rows), comparator, len(rows))
     tiers = np.array([Tier.EQUAL, Tier.DOMINANCE, Tier.MODEL, Tier.DOMINANCE], dtype=np.int8)
     return Decisions(verdicts, tiers[dominance(tail_sums(rows))])  # -1, worse, is the last
@@ -55,24 +57,24 @@ def _checked(verdicts: object, comparator: Comparator, n: int) -> Verdicts:
     )
 
 
-def decide_by(
-    rule: Rule, d: Floats, settle: Callable[[Floats], Decisions] | None = None
+def decide_by_rule(
+    rule: Rule, d: Floats, decide_rest: Callable[[Floats], Decisions] | None = None
 ) -> Decisions:
-    """Return verdicts (n,) and tiers (n,) of valid differences d (n, k) by a rule.
+    """Return a rule's verdicts (n,) and tiers (n,) of valid differences d (n, k).
 
-    ``settle`` decides the differences that the rule leaves open. If there are any and there is no
-    ``settle``, TypeError is raised.
+    ``decide_rest`` decides the differences that the rule leaves open. If there are any and there is
+    no ``decide_rest``, TypeError is raised.
     """
     rows = np.require(d, requirements=["C", "W"])  # compiled code is made for one layout
     verdicts, tiers = np.empty(len(rows), dtype=np.int8), np.empty(len(rows), dtype=np.int8)
-    jit.expect(judge_all, 8e-6 * rows.size * rows.shape[1])
+    jit.expect(all_by_rule, 8e-6 * rows.size * rows.shape[1])
     with np.errstate(all="ignore"):
-        left = judge_all(rows, rule, verdicts, tiers)
+        left = all_by_rule(rows, rule, verdicts, tiers)
     if left:
-        if settle is None:
+        if decide_rest is None:
             raise TypeError(
-                "a comparator whose rule leaves differences open must have a method settle(d)"
+                "a comparator whose rule leaves differences open must have a method decide_rest(d)"
             )
-        open_rows = np.flatnonzero(verdicts == UNSETTLED)
-        verdicts[open_rows], tiers[open_rows] = settle(rows[open_rows])
+        open_rows = np.flatnonzero(verdicts == LEFT_OPEN)
+        verdicts[open_rows], tiers[open_rows] = decide_rest(rows[open_rows])
     return Decisions(verdicts, tiers)

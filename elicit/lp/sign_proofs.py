@@ -11,7 +11,7 @@
 
 A walk ends at a point that shows t.g < 0, or at multipliers y >= 0. If the multipliers' bound, less
 every rounding, is positive, it shows t.g > 0. If no proof shows a sign, the difference is left
-UNSETTLED. Nothing here is a guess, and nothing kept between two calls changes a verdict. Dominance
+LEFT_OPEN. Nothing here is a guess, and nothing kept between two calls changes a verdict. Dominance
 is tested before all of this.
 """
 
@@ -34,8 +34,8 @@ from elicit.lp.primal_simplex import (
 from elicit.lp.rounding import SMALL, bound_of, least_in_order, rounding_of, score_doubt
 from elicit.model.difference_kernel import (
     BETTER,
+    LEFT_OPEN,
     UNKNOWN,
-    UNSETTLED,
     WORSE,
     by_dominance,
     largest,
@@ -50,7 +50,7 @@ NOWHERE = -1  # no row, no vertex
 def prove(t: Any, certificate: Any, known: Known, verdicts: Any, tiers: Any) -> bool:
     """Decide the sign of t.g over K_t for each row of tail sums t (n, p) whose verdict is UNKNOWN.
 
-    Verdicts (n,) and tiers (n,) are written into the last two arguments. A verdict is UNSETTLED if
+    Verdicts (n,) and tiers (n,) are written into the last two arguments. A verdict is LEFT_OPEN if
     no proof is found. Many rows share one call, because handing over ``known`` takes as long as a
     cheap proof.
 
@@ -90,11 +90,11 @@ def prove(t: Any, certificate: Any, known: Known, verdicts: Any, tiers: Any) -> 
         tier = BY_SCREEN if vertex == NOWHERE else BY_SIMPLEX
         if wanted and vertex != NOWHERE:
             certified = below_by_vertex(s, verdict, y, rest, vertex, known, certificate)
-        elif wanted and verdict == UNSETTLED and side != 0:
+        elif wanted and verdict == LEFT_OPEN and side != 0:
             row = lifting_row(s, side, rows, lifted, masks, counts)
             if row != NOWHERE:
                 verdict, certified = side, below_by_row(s, side, row, rows, lifted, certificate)
-        if verdict == UNSETTLED:
+        if verdict == LEFT_OPEN:
             verdict, tier = search(s, known)
         verdicts[i], tiers[i] = verdict, tier
         if certified:
@@ -105,7 +105,7 @@ def prove(t: Any, certificate: Any, known: Known, verdicts: Any, tiers: Any) -> 
 
 @compiled
 def sign_of(t: Any, known: Known) -> int:
-    """Return the verdict (or UNSETTLED) on tail sums t (p,), dominance included."""
+    """Return the verdict (or LEFT_OPEN) on tail sums t (p,), dominance included."""
     verdicts, tiers = np.empty(1, dtype=np.int8), np.empty(1, dtype=np.int8)
     verdicts[0] = by_dominance(t)
     prove(t.reshape(1, len(t)), np.empty(0), known, verdicts, tiers)
@@ -133,7 +133,7 @@ def by_known_vertices(
         or kind[highest] != VERTEX
         or not (above or below)
     ):
-        return UNSETTLED, NOWHERE
+        return LEFT_OPEN, NOWHERE
     if above and below:
         return UNKNOWN, NOWHERE
     sign, best = (1, lowest) if above else (-1, highest)
@@ -143,7 +143,7 @@ def by_known_vertices(
         multipliers(rest, inverses, best, y) >= 0
         or not bound_of(rest, y, active, best, margin, cuts, limits) > 0.0
     ):
-        return UNSETTLED, NOWHERE
+        return LEFT_OPEN, NOWHERE
     return (BETTER if above else WORSE), best
 
 
@@ -212,7 +212,7 @@ def search(t: Any, known: Known) -> tuple[int, int]:
         total += t[j]
         opposite[j] = -t[j]
     if not math.isfinite(total):  # t is too large to be summed, so that nothing follows
-        return UNSETTLED, BY_SIMPLEX
+        return LEFT_OPEN, BY_SIMPLEX
     doubt = score_doubt(p, largest(t))
     if least_in_order(t, known.margin) > doubt:
         return BETTER, BY_SCREEN
@@ -225,7 +225,7 @@ def search(t: Any, known: Known) -> tuple[int, int]:
         return UNKNOWN, BY_SCREEN
     lowest, highest = outermost(at, known.kind, True)
     if lowest == NOWHERE:
-        return UNSETTLED, BY_SIMPLEX
+        return LEFT_OPEN, BY_SIMPLEX
     nothing = np.zeros(0, dtype=np.bool_)
     if not below:
         found = walk(t, lowest, known, nothing, 0.0)
@@ -237,7 +237,7 @@ def search(t: Any, known: Known) -> tuple[int, int]:
         if found > 0:
             return WORSE, BY_SIMPLEX
         above = found < 0
-    return (UNKNOWN if above and below else UNSETTLED), BY_SIMPLEX
+    return (UNKNOWN if above and below else LEFT_OPEN), BY_SIMPLEX
 
 
 @compiled

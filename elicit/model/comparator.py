@@ -18,7 +18,7 @@ Tiers = NDArray[np.int8]
 
 
 class Tier(IntEnum):
-    """The step that decided a comparison."""
+    """The step that decided a comparison, from the cheapest proof to the tutor."""
 
     EQUAL = 0  # the vectors are the same
     DOMINANCE = 1  # eq. (4): true for every scale

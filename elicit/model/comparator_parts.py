@@ -214,8 +214,8 @@ OPTIONAL_PARTS = (
         _ALL + _PANEL,
     ),
     Part(
-        "Settling",
-        "settle(d)",
+        "DecidesRest",
+        "decide_rest(d)",
         "beside `rule`: verdicts and tiers (n,) of what the rule leaves open",
         "Compiled loops call it there.",
         (*_POLYTOPES, _OPEN, *_PANEL),

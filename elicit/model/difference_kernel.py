@@ -19,7 +19,7 @@ from elicit.model.query import Verdict
 from elicit.model.scale import Floats
 
 WORSE, EQUAL, BETTER, UNKNOWN = map(int, Verdict)  # as plain numbers
-UNSETTLED = 3  # a further code: the compiled code cannot decide
+LEFT_OPEN = 3  # a code beside the verdicts: compiled code has left it to Python
 NOT_THERE = -1  # the row of a pair that is not in a table
 
 

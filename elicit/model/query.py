@@ -212,7 +212,7 @@ class Query:
 
     @property
     def d(self) -> Floats:
-        """Left - right (k,)."""
+        """The difference (k,) that the question is about, left minus right."""
         return self.left - self.right
 
     @staticmethod

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from elicit.model.comparator import Comparator, is_comparator
 from elicit.model.scale import Floats, normalise
 
 if TYPE_CHECKING:
@@ -23,6 +24,19 @@ def answers_of(comparator: Any) -> str:
     """Return how many answers a comparator knows, in words."""
     n = len(comparator.answers)
     return f"{n} answer" + "s" * (n != 1)
+
+
+def comparator_of(given: Any, taker: str) -> Comparator:
+    """Return a comparator: ``given``, or the one that a result holds. Raise TypeError."""
+    if is_comparator(given):
+        return given
+    held = getattr(given, "comparator", None)
+    if is_comparator(held) and not isinstance(given, type):
+        return held
+    raise TypeError(
+        f"{taker} draws comparators, or results, each of which holds one, but among what it was "
+        f"given is {given!r}"
+    )
 
 
 def unit_of(k: int) -> str:

@@ -13,7 +13,15 @@ from elicit.catalogue import STYLES, kind_of
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import Comparator
 from elicit.model.scale import Floats, exact_dot
-from elicit.plot.axes import TRUE_SCALE, answers_of, axes_of, names_of, true_scale, unit_of
+from elicit.plot.axes import (
+    TRUE_SCALE,
+    answers_of,
+    axes_of,
+    comparator_of,
+    names_of,
+    true_scale,
+    unit_of,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,13 +43,12 @@ def polytope(
     Parameters
     ----------
     comparators : PolytopeComparator or sequence
-        One, or several of which each knows more than the last. The last one is filled, and its
+        One, or several of which each knows more than the last. A ``Result`` stands for its
+        comparator. The last one is filled, and its
         analytic centre is the point.
     ax : matplotlib Axes, optional
-    labels : (4,) str, optional
-        Names of the levels, worst first.
-    values : (4,), optional
-        The true scale, in any unit, drawn as a star.
+    labels, values : optional
+        Names of the levels, and the true scale: see ``elicit.plot``.
     cuts : bool
         False leaves out the lines of the last one's answers and prior.
 
@@ -54,9 +61,10 @@ def polytope(
     ValueError
         For k other than 4.
     """
-    shown = list(comparators) if isinstance(comparators, Iterable) else [comparators]
-    if not shown:
+    given = list(comparators) if isinstance(comparators, Iterable) else [comparators]
+    if not given:
         raise ValueError("polytope needs at least one comparator")
+    shown = [cast(PolytopeComparator, comparator_of(one, "polytope")) for one in given]
     areas = [_plane(corners(one)) for one in shown]
     names, true = names_of(labels, 4), true_scale(values, 4)
     ax = axes_of(ax, (6.4, 6.0))
@@ -153,11 +161,10 @@ def plausible(
     Parameters
     ----------
     comparator : Comparator
+        A ``Result`` stands for its comparator.
     ax : matplotlib Axes, optional
-    labels : (4,) str, optional
-        Names of the levels, worst first.
-    values : (4,), optional
-        The true scale, in any unit, drawn as a star.
+    labels, values : optional
+        Names of the levels, and the true scale: see ``elicit.plot``.
 
     Returns
     -------
@@ -168,6 +175,7 @@ def plausible(
     ValueError
         For k other than 4, and for a comparator of another kind.
     """
+    comparator = comparator_of(comparator, "plausible")
     kind, four = kind_of(comparator), comparator.k == 4
     if not four or kind not in ("polytope", "box", "box-rescaled", "ensemble", "posterior"):
         name = type(comparator).__name__

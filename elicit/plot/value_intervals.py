@@ -11,7 +11,15 @@ from numpy.typing import ArrayLike
 
 from elicit.catalogue import OTHER_LOOKS, kind_of, styles
 from elicit.model.comparator import Comparator, offers
-from elicit.plot.axes import answers_of, axes_of, legend_above, names_of, true_scale, unit_of
+from elicit.plot.axes import (
+    answers_of,
+    axes_of,
+    comparator_of,
+    legend_above,
+    names_of,
+    true_scale,
+    unit_of,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,6 +28,7 @@ if TYPE_CHECKING:
 
 _GROUPS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#666666")  # told apart by the colour-blind
 _MARKERS = "os^Dv<>ph*"
+_NAME = "scale_intervals"
 _FAINTER = tuple({name: style[name] for name in ("marker", "linestyle")} for style in OTHER_LOOKS)
 
 
@@ -32,19 +41,17 @@ def scale_intervals(
 ) -> Axes:
     """Draw each level's interval by ``bounds`` and its single best guess.
 
-    It works for any comparator and any k.
-
-    Several comparators of the same kind have its colour, the stronger the later.
+    It works for any comparator and any k. Several comparators of the same kind have its colour, the
+    stronger the later.
 
     Parameters
     ----------
     comparators : Comparator, sequence or mapping
-        One, several, or several by name, drawn beside each other.
+        One, several, or several by name, drawn beside each other. A ``Result`` stands for its
+        comparator.
     ax : matplotlib Axes, optional
-    labels : (k,) str, optional
-        Names of the levels, worst first.
-    values : (k,), optional
-        The true scale, in any unit, drawn as ticks.
+    labels, values : optional
+        Names of the levels, and the true scale: see ``elicit.plot``.
 
     Returns
     -------
@@ -52,6 +59,8 @@ def scale_intervals(
 
     Raises
     ------
+    TypeError
+        If something else than a comparator or a result is given.
     ValueError
         If the comparators differ in k.
     """
@@ -146,8 +155,9 @@ def _named(
     comparators: Comparator | Sequence[Comparator] | Mapping[str, Comparator],
 ) -> list[tuple[str, Comparator]]:
     if isinstance(comparators, Mapping):
-        return list(comparators.items())
-    several = comparators if isinstance(comparators, Iterable) else [comparators]
+        return [(name, comparator_of(one, _NAME)) for name, one in comparators.items()]
+    given = comparators if isinstance(comparators, Iterable) else [comparators]
+    several = [comparator_of(one, _NAME) for one in given]
     kinds = [(type(one).__name__.removesuffix("Comparator"), one) for one in several]
     return [
         (f"{kind}, {answers_of(one)}" if offers(one, "answers") else kind, one)

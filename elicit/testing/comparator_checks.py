@@ -139,16 +139,16 @@ def _check_verdicts(comparator: Comparator, d: Floats) -> None:
     rule = rule_of(comparator)
     alone = (
         isinstance(rule, Rule) and rule.kind != NO_ARRAYS and not rule.dominance
-    )  # with NO_ARRAYS ``settle`` decides
+    )  # with NO_ARRAYS ``decide_rest`` decides
     if alone or unordered_of(comparator) is not None:
         plain = np.where(plain == Verdict.EQUAL, plain, np.int8(Verdict.UNKNOWN))
-    settled = plain != Verdict.UNKNOWN
+    decided = plain != Verdict.UNKNOWN
     demand_same(
         "a verdict",
-        verdicts[settled],
+        verdicts[decided],
         "dominance, which holds for every scale",
-        plain[settled],
-        d[settled],
+        plain[decided],
+        d[decided],
     )
     demand_same("compare", comparator.compare(d), "the same call before", verdicts, d)
     mirrored = np.where(verdicts == Verdict.UNKNOWN, verdicts, -verdicts)
@@ -419,11 +419,13 @@ def _check_rule(comparator: Comparator, d: Floats) -> None:
             f"rule must be an elicit.decision.comparator_rule.Rule, not {type(rule).__name__}",
         )
     verdicts, tiers = wanted(lambda: decide(comparator, d))
-    demand_same("what rule and settle decide", verdicts, "compare(d)", comparator.compare(d), d)
+    demand_same(
+        "what rule and decide_rest decide", verdicts, "compare(d)", comparator.compare(d), d
+    )
     right = np.shape(tiers) == (len(d),) and np.isin(tiers, list(Tier)).all()
     demand(
         right,
-        f"settle must return a tier, of elicit.Tier, for each of the differences, not {tiers}",
+        f"decide_rest must return a tier, of elicit.Tier, for each of the differences, not {tiers}",
     )
 
 

@@ -188,14 +188,27 @@ class AnswerLog(Closing):
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], faults: list[BadLog] | None = None) -> Self:
-        """Return the log in a file, for reading only; the file is not touched, nor locked.
+        """Return the log in a file, for reading only.
 
-        Where a line was changed or is missing, nothing after it can be trusted. Without ``faults``
-        that raises. With a list for ``faults`` the log holds what stands before, and the error is
-        put into the list; so is that of a line that is as it was written, but says what cannot be,
-        and only this line is left out.
+        The file is not changed and not locked. After a line that was changed or is missing, nothing
+        can be trusted.
 
-        Raises BadLog, FileNotFoundError, and TypeError for what is no path.
+        Parameters
+        ----------
+        path : str or path
+        faults : list, optional
+            Receives the errors of a damaged log, which is then read as far as it can be trusted. A
+            line that is intact but says what cannot be is left out alone. Without a list the first
+            error is raised.
+
+        Raises
+        ------
+        BadLog
+            If the file is no log or is damaged, and there is no list for ``faults``.
+        FileNotFoundError
+            If there is no such file.
+        TypeError
+            If ``path`` is no path.
         """
         path = _as_path(path)
         log = cls()
@@ -221,7 +234,7 @@ class AnswerLog(Closing):
 
     @property
     def who(self) -> str | None:
-        """The person whose answers these all are, by the header; None where it names nobody."""
+        """The person who gave all the answers; None if the log's header names nobody."""
         self._finish()
         found = self._header.get(WHO)
         return found if isinstance(found, str) else None
@@ -240,7 +253,7 @@ class AnswerLog(Closing):
 
     @property
     def restarted(self) -> int:
-        """The number of entries when the asker was last restarted, knowing those that stand."""
+        """The number of entries that the log had at the last ``mark_restart``."""
         self._finish()
         return self._restarted
 
@@ -276,33 +289,54 @@ class AnswerLog(Closing):
         self._put("asked", {**_fields_of(query), "swapped": bool(swapped)}, metadata)
 
     def retract(self, id: str, **metadata: Any) -> None:
-        """Take back all answers so far to the query of this id, by adding a line.
+        """Take back all answers so far to the query of this id.
 
-        They stay in the log, marked, but are no longer among ``answers()``. metadata: any JSON,
-        such as the reason. Raises ValueError if no answer of this id stands, and otherwise like
-        ``append``.
+        A line is added to the file. The answers stay in the log, marked as taken back, and are no
+        longer among ``answers()``.
+
+        Parameters
+        ----------
+        id : str
+            The id of the query.
+        **metadata
+            Any JSON, such as the reason.
+
+        Raises
+        ------
+        ValueError
+            If no answer of this id stands. Other errors are as for ``append``.
         """
         self._put("withdrawn", {"id": id}, metadata)
 
     def mark_unused(self, id: str, **metadata: Any) -> None:
-        """Record that comparators do not learn from the last used answer to this query.
+        """Record that comparators are not to learn from an answer, since it contradicts others.
 
-        It may contradict others. metadata: any JSON, added to the answer's. Raises ValueError if
-        there is none, and otherwise like ``append``.
+        Parameters
+        ----------
+        id : str
+            The id of the query. Its last used answer is meant.
+        **metadata
+            Any JSON, added to the answer's.
+
+        Raises
+        ------
+        ValueError
+            If this query has no used answer. Other errors are as for ``append``.
         """
         self._put("unused", {"id": id}, metadata)
 
     def mark_used(self, id: str, **metadata: Any) -> None:
-        """Record that comparators learn from the last answer of this id that stands unused.
+        """Record that comparators may learn again from an answer that was marked as unused.
 
-        What it contradicted may have been withdrawn. Otherwise like ``mark_unused``.
+        The answers that it contradicted may have been taken back. The last unused answer of this
+        id is meant. Parameters and errors are as for ``mark_unused``.
         """
         self._put("used", {"id": id}, metadata)
 
     def mark_restart(self, **metadata: Any) -> None:
-        """Record that whoever asks begins anew, knowing what stands so far.
+        """Record that the asker was made anew here, knowing the answers that stand.
 
-        Raises like ``append``.
+        ``metadata`` is any JSON. Errors are as for ``append``.
         """
         self._put("restarted", {}, metadata)
 

@@ -114,7 +114,7 @@ class PersonTutor:
 
     @property
     def values(self) -> Floats:
-        """(k,) the hidden scale, from 0 to 1."""
+        """The person's hidden scale (k,), from 0 for the worst level to 1 for the best."""
         return self._e.copy()
 
     @property

@@ -18,7 +18,7 @@ from elicit._support.seeds import seed_of
 from elicit._support.validation import is_number, require
 from elicit.model.comparator import check_tie
 from elicit.model.difference import as_vectors, tail_sums
-from elicit.model.difference_kernel import UNSETTLED
+from elicit.model.difference_kernel import LEFT_OPEN
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats, exact_dot, gaps, normalise
 from elicit.tutors import simulated_kernel as kernel
@@ -101,7 +101,7 @@ class _Simulated:
     def respondent(self) -> Respondent:
         """The tutor as plain arrays, for compiled loops; what it says there is counted here.
 
-        Ask for it anew whenever it has come back UNSETTLED. Nobody, for one that answers in a way
+        Ask for it anew whenever it has come back LEFT_OPEN. Nobody, for one that answers in a way
         of its own.
         """
         kind = type(self)
@@ -149,12 +149,24 @@ class TruthfulTutor(_Simulated):
 
 
 class FlippingTutor(_Simulated):
-    """Gives the opposite of the truth with probability ``error_rate``, however clear the case is.
+    """A tutor that gives the opposite of the truth at a fixed rate, however clear the case is.
 
-    values (k,) increasing, in any unit; error_rate in [0, 1]; seed an int, SeedSequence, Generator,
-    or None for a new one. An exact tie has no opposite: it is answered EQUAL, and so is all that
-    lies within ``tie`` (see TruthfulTutor). Raises ValueError on values that do not increase and on
-    an error rate outside [0, 1].
+    Parameters
+    ----------
+    values : (k,)
+        The hidden scale, increasing, in any unit.
+    error_rate : float
+        Probability of the opposite answer, in [0, 1].
+    seed : int, SeedSequence, Generator or None
+        Draws the errors. None: a new seed.
+    tie : float
+        Largest |d.e|, a share of the value range, that is answered EQUAL (see ``TruthfulTutor``).
+        "Equal" has no opposite, so such answers are always right.
+
+    Raises
+    ------
+    ValueError
+        If the values do not increase, or the error rate is outside [0, 1].
     """
 
     _kind = kernel.FLIPPING
@@ -181,18 +193,29 @@ class FlippingTutor(_Simulated):
 
 
 class BradleyTerryTutor(_Simulated):
-    """A tutor that errs by eq. (6).
+    """A tutor that errs more often the closer a case is, by eq. (6).
 
-    It says left is better with probability 1 / (1 + exp(-precision * d.e)). With a ``tie`` w > 0 it
-    follows Rao and Kupper (1967): left with 1 / (1 + exp(-precision * (d.e - w))), right likewise,
-    and EQUAL otherwise.
+    It says "left is better" with probability 1 / (1 + exp(-precision * d.e)). So answers about near
+    ties are often wrong, and those about clear cases rarely. The share of wrong answers depends on
+    the typical |d.e| too: ``from_error_rate`` finds the precision for a share.
 
-    values (k,) increasing, in any unit; ``precision`` >= 0 is the paper's c in logits per unit of
-    d.e, with the scale normalised to 0..1; seed an int, SeedSequence, Generator, or None for a new
-    one. An exact tie is a coin toss, as eq. (6) has it; two identical vectors are EQUAL. Answers to
-    near ties are often wrong, and those to clear cases rarely. So the error rate depends on the
-    typical |d.e| too: ``from_error_rate`` finds the precision for a rate. Raises ValueError on
-    values that do not increase and on a negative precision.
+    Parameters
+    ----------
+    values : (k,)
+        The hidden scale, increasing, in any unit.
+    precision : float
+        The paper's c, at least 0, in logits per unit of d.e, for a scale from 0 to 1.
+    seed : int, SeedSequence, Generator or None
+        Draws the errors. None: a new seed.
+    tie : float
+        With a tie w > 0 the tutor follows Rao and Kupper (1967). It says "left" with probability
+        1 / (1 + exp(-precision * (d.e - w))), "right" likewise, and EQUAL otherwise. With 0, only
+        identical vectors are EQUAL, and an exact tie is a coin toss.
+
+    Raises
+    ------
+    ValueError
+        If the values do not increase, or the precision is negative.
     """
 
     _kind = kernel.LOGISTIC
@@ -245,7 +268,7 @@ def _truth(t: Floats, g: Floats) -> tuple[int, float]:
     t (p,) are tail sums and g (p,) gaps; it is 0 at a tie and nowhere else.
     """
     sign, size = kernel.truth(t, g)
-    if sign != UNSETTLED:
+    if sign != LEFT_OPEN:
         return sign, size
     exact = exact_dot(t, g)
     return (exact > 0) - (exact < 0), max(abs(float(exact)), 5e-324) if exact else 0.0

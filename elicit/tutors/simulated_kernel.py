@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from elicit._support.hashing import mix, unit
 from elicit._support.jit import compiled
 from elicit.lp.rounding import rounding_of
-from elicit.model.difference_kernel import UNSETTLED, pair_code, way_round
+from elicit.model.difference_kernel import LEFT_OPEN, pair_code, way_round
 from elicit.model.scale import Floats
 
 NOBODY, TRUTHFUL, FLIPPING, LOGISTIC = range(4)
@@ -51,7 +51,7 @@ def nobody() -> Respondent:
 def truth(t: Any, g: Any) -> tuple[int, float]:
     """Return the sign of t.g, of tail sums t (p,) and gaps g (p,), and its size.
 
-    The sign is UNSETTLED if rounding leaves it open: the sum is too near to 0, or too large.
+    The sign is LEFT_OPEN if rounding leaves it open: the sum is too near to 0, or too large.
     """
     at, size = 0.0, 0.0
     for j in range(len(t)):
@@ -63,7 +63,7 @@ def truth(t: Any, g: Any) -> tuple[int, float]:
         return 1, at
     if at < -doubt:
         return -1, -at
-    return UNSETTLED, 0.0
+    return LEFT_OPEN, 0.0
 
 
 @compiled
@@ -131,12 +131,12 @@ def answer(t: Any, sign: int, size: float, tutor: Respondent) -> int:
 def respond(t: Any, tutor: Respondent) -> int:
     """Return the answer to a pair with tail sums t (p,).
 
-    It is UNSETTLED, and nothing is counted, if the truth needs exact arithmetic or the table needs
+    It is LEFT_OPEN, and nothing is counted, if the truth needs exact arithmetic or the table needs
     room.
     """
     sign, size = truth(t, tutor.gaps)
-    if sign == UNSETTLED or 2 * tutor.tally[PAIRS] > len(tutor.pairs):
-        return UNSETTLED
+    if sign == LEFT_OPEN or 2 * tutor.tally[PAIRS] > len(tutor.pairs):
+        return LEFT_OPEN
     if tutor.kind == TRUTHFUL:  # quicker than handing the whole tutor on
         tutor.tally[GIVEN] += 1
         return sign if size > tutor.tie else 0
@@ -147,11 +147,11 @@ def respond(t: Any, tutor: Respondent) -> int:
 def respond_all(t: Any, first: int, answers: Any, tutor: Respondent) -> int:
     """Write answers (n,) to pairs with tail sums t (n, p), from row ``first`` on.
 
-    Return the first row left UNSETTLED, or n.
+    Return the first row left LEFT_OPEN, or n.
     """
     for i in range(first, len(t)):
         said = respond(t[i], tutor)
-        if said == UNSETTLED:
+        if said == LEFT_OPEN:
             return i
         answers[i] = said
     return len(t)

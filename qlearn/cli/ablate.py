@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from qlearn.cli.options import KEPT, add_command, add_preset, frame_of, write_csv
+from qlearn.experiments.catalogue import COMPARATORS
 from qlearn.experiments.settings import AblationSettings
 
 QUICK: dict[str, Any] = {  # so small that ten seeds take seconds and tell the comparators apart
-    "problems": ["random"], "comparators": ["always", "polytope", "posterior", "ensemble"],
+    "problems": ["random"],
+    "comparators": [name for name, entry in COMPARATORS.items() if entry.quick],
     "error_rates": [0.0, 0.15],
     "states": 10, "actions": 3, "levels": 5, "discount": 0.8, "seeds": 10, "steps": 600,
     "tolerance": 0.02,

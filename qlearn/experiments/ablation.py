@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 from functools import lru_cache, partial
 from itertools import product
 from operator import methodcaller
@@ -26,6 +26,7 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
+from elicit._support.keywords import check_keywords
 from elicit.model.comparator import TIE, Comparator
 from elicit.model.comparator_parts import wrong_of
 from elicit.model.scale import Floats
@@ -151,6 +152,7 @@ def ablate(
     setting that cannot be, and where a factory fails or returns something else, before the first
     run; TypeError for a setting that there is not; and as ``run_all`` does.
     """
+    check_keywords(ablate, changes, {one.name for one in fields(AblationSettings)})
     settings = replace(settings or AblationSettings(), **changes)
     size = settings.named("states", "actions", "levels", "discount")
     shown = methodcaller("drop", columns="paper_abs_percent")

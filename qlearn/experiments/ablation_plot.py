@@ -54,6 +54,7 @@ def table(
     It has at most 120 columns, if names of your own are short. ``LEGEND`` explains them. ``names``
     overrides ``NAMES``. ``seeds`` is the number that each row should have; rows with fewer say so.
     """
+    _check_summary("table", summary)
     parts = []
     for (problem, learner), part in summary.groupby(["problem", "learner"], sort=False):
         conflicts = {
@@ -92,6 +93,7 @@ def plot_ablation(
     the budget, and ``names`` overrides ``NAMES``. If points have fewer runs than ``seeds``, the
     title says so.
     """
+    _check_summary("plot_ablation", summary)
     called = partial(_called, names)
     plain = summary[summary.audit == 0]
     problems, learners = plain.problem.unique(), plain.learner.unique()
@@ -165,6 +167,20 @@ def plot_ablation(
     lines = [textwrap.fill(title, 50 * len(learners) if many else 64), _means_of(plain.runs, seeds)]
     figure.suptitle("\n".join(lines), fontsize=11 if many else 9.5)
     return figure
+
+
+def _check_summary(taker: str, summary: object) -> None:
+    """Raise TypeError unless this is a table of ``ablation.summarise``."""
+    if isinstance(summary, pd.DataFrame) and {"runs", "asked_half"} <= {*summary.columns}:
+        return
+    if isinstance(summary, pd.DataFrame) and {"asked", "seed"} <= {*summary.columns}:
+        found = "these are the rows of single runs"
+    else:
+        found = f"this is {type(summary).__name__}"
+    raise TypeError(
+        f"{taker} takes the means that ablation.summarise makes, but {found}: write "
+        f"{taker}(ablation.summarise(rows))"
+    )
 
 
 def _highest(rows: pd.DataFrame) -> float:

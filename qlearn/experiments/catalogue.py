@@ -59,8 +59,9 @@ class LearnerEntry:
     needs_proof : bool
         True if it ends by a bound on its policy's loss, which only comparators that ``prove`` can
         give. It has no oracle, because always asking proves nothing.
-    compiles : str
-        The small run of ``compile_ahead`` that compiles its functions.
+    compiles : str, optional
+        The small run of ``compile_ahead`` that compiles its functions. None: it has none, and its
+        functions are compiled in its first run.
     """
 
     name: str
@@ -69,7 +70,7 @@ class LearnerEntry:
     keywords: Callable[[Settings], dict[str, Any]]
     indifference: Callable[[Settings, float], float] | None = None
     needs_proof: bool = False
-    compiles: str
+    compiles: str | None = None
 
     @property
     def has_tolerance(self) -> bool:

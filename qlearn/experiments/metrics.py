@@ -102,15 +102,15 @@ class Watch:
             )
             self._rows += len(rows)
         if self._rows >= _BUFFER:
-            self._judge()
+            self._count_waiting()
 
     @property
     def counts(self) -> VerdictCounts:
         """The counts so far."""
-        self._judge()
+        self._count_waiting()
         return VerdictCounts(*self._counts.ravel().tolist())
 
-    def _judge(self) -> None:
+    def _count_waiting(self) -> None:
         if not self._waiting:
             return
         d, said, after = (np.concatenate(part) for part in zip(*self._waiting, strict=True))

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields
 from typing import Any, ClassVar
 
+from elicit._support.validation import check_printable
 from qlearn.experiments.catalogue import ALWAYS, COMPARATORS, LEARNERS, PROBLEMS
 from qlearn.experiments.own_parts import Own, own_of
 
@@ -87,6 +88,7 @@ class NameOrOwn(OneOf):
         """
         if not isinstance(name, str) or not name:
             return None
+        check_printable("names of your own", [name])
         if name in self.names and given in (name, ...):
             return name
         if isinstance(given, str) and ":" in given:

@@ -26,6 +26,8 @@ from qlearn.learners.loops.action_pair_kernel import AnswersInLoops
 R_co = TypeVar("R_co", covariant=True)
 
 _SIDES = name_code("sides that a tutor is shown")
+_TWO_SIDES = re.compile(r"((?:.*?: )?)(.*) \(left\)(,? or )(.*) \(right\)(.*)", re.DOTALL)
+_ACTION = "action "
 
 TutorLike: TypeAlias = Callable[[Query], Answer | int]
 """A ``Tutor``, or a function that returns a verdict on the query's left vector in place of an
@@ -105,12 +107,25 @@ def drive(
 
     Raises
     ------
+    TypeError
+        If the learner cannot be asked and told, the tutor cannot be called, or ``log`` or
+        ``progress`` is something else.
     StaleAnswer
         If the tutor answers another question, before any answer of the round is logged.
     InconsistentAnswers
         Unless ``on_conflict="drop"``.
     """
     require(on_conflict in ("raise", "drop"), "on_conflict", "'raise' or 'drop'", on_conflict)
+    _check_learner(learner, tutor)
+    if log is not None and not isinstance(log, AnswerLog):
+        raise TypeError(
+            "log must be None or an elicit.AnswerLog, such as AnswerLog('answers.jsonl'), not "
+            f"{log!r}"
+        )
+    if progress is not None and not callable(progress):
+        raise TypeError(
+            f"progress must be None or a function that takes the result so far, not {progress!r}"
+        )
     tutor = as_one_tutor(tutor, learner.comparator)
     check_tutor_made(tutor, learner.comparator.k)
     signs = _signs_of(tutor) if isinstance(learner.comparator, AlwaysAsk) else None
@@ -129,6 +144,24 @@ def drive(
             learner.consult(None)
         if isinstance(learner, AsksWithin):
             learner.ask_within(None)
+
+
+def _check_learner(learner: object, tutor: object) -> None:
+    """Raise TypeError unless the learner can be asked and told."""
+    parts = ("ask", "tell", "result", "comparator")
+    lacking = [part for part in parts if not hasattr(learner, part)]
+    if not lacking and not isinstance(learner, type):
+        return
+    swapped = not isinstance(tutor, type) and all(hasattr(tutor, part) for part in parts)
+    raise TypeError(
+        "the learner and the tutor are swapped: write drive(learner, tutor)"
+        if swapped
+        else f"drive(learner, tutor) wants a learner first, but {learner!r} is the class of one: "
+        "make one of it"
+        if not lacking
+        else "drive(learner, tutor) wants a learner first, such as "
+        f"InteractivePolicyIteration(mdp, comparator), but {learner!r} has no {lacking[0]}"
+    )
 
 
 def _signs_of(tutor: TutorLike) -> Callable[[ArrayLike], NDArray[np.int8]] | None:
@@ -166,10 +199,23 @@ def _by_sides(tutor: TutorLike, seed: Seed | None) -> Callable[[Query], Answer]:
 
 
 def exchanged(query: Query) -> Query:
-    """Return the query with left and right exchanged, also in its text."""
-    words = {"(left)": "(right)", "(right)": "(left)"}
-    about = re.sub(r"\((left|right)\)", lambda found: words[found[0]], query.about)
-    return replace(query, left=query.right, right=query.left, about=about)
+    """Return the query with left and right exchanged, also in its text, which begins with left."""
+    return replace(query, left=query.right, right=query.left, about=_exchanged_text(query.about))
+
+
+def _exchanged_text(about: str) -> str:
+    """Return "x: b (left) or a (right)?" for "x: a (left) or b (right)?".
+
+    If a name has a colon or a side of its own, only the words for the sides are exchanged.
+    """
+    found = _TWO_SIDES.fullmatch(about)
+    if not found or about.count(": ") > 1 or len(re.findall(r"\((?:left|right)\)", about)) > 2:
+        words = {"(left)": "(right)", "(right)": "(left)"}
+        return re.sub(r"\((left|right)\)", lambda found: words[found[0]], about)
+    place, left, either, right, end = found.groups()
+    if left.startswith(_ACTION) and not right.startswith(_ACTION):  # it is said once, of the left
+        left, right = left.removeprefix(_ACTION), _ACTION + right
+    return f"{place}{right} (left){either}{left} (right){end}"
 
 
 def _driven(

@@ -134,17 +134,15 @@ class Result:
     decided : (len(Tier),)
         Number of comparisons by tier.
     shares : (S, A, k) or function
-        ``q``, or a function that computes it.
+        ``q``, or a function that computes it when it is first read.
     guarantee : function
         Computes the loss bound.
     rounds : int
         Steps, sweeps, or policies solved for.
-    discount : float
-        The MDP's discount.
+    mdp : OrdinalMDP
+        The problem, by whose names of states and actions the policy is printed.
     tolerance, budget
         The tolerance and the budget of questions that the learner was given, None if it has none.
-    mdp : OrdinalMDP, optional
-        The problem, by whose names of states and actions the policy is printed.
     """
 
     policy: NDArray[np.int64]
@@ -158,11 +156,10 @@ class Result:
     rounds: int
     shares: Floats | Callable[[], Floats]
     guarantee: Callable[[], Guarantee]
-    discount: float
+    mdp: OrdinalMDP
     member_guarantees: Callable[[], Mapping[str, Guarantee]] = dict
     tolerance: float | None = None
     budget: int | None = None
-    mdp: OrdinalMDP | None = None
 
     def __str__(self) -> str:
         """Return the status, the number of questions, what the loss bound means, and the policy.
@@ -201,7 +198,7 @@ class Result:
 
     @cached_property
     def q(self) -> Floats:
-        """The shares (S, A, k), computed when first read if a function gives them."""
+        """Share vectors (S, A, k) of taking each action first, and then following the policy."""
         return self.shares() if callable(self.shares) else self.shares
 
     @cached_property
@@ -221,10 +218,15 @@ class Result:
         return float(self._guaranteed.loss_bound)
 
     @property
+    def discount(self) -> float:
+        """The MDP's discount."""
+        return self.mdp.discount
+
+    @property
     def return_loss_bound(self) -> float:
         """Upper bound on the policy's loss of return at the worst state.
 
-        The best level's reward exceeds the worst level's by 1, so that it is ``loss_bound / (1 -
+        Its unit is the reward of the best level minus that of the worst. It is ``loss_bound / (1 -
         discount)``.
         """
         return self.loss_bound / (1 - self.discount)
@@ -276,7 +278,7 @@ class Result:
 
     def _policy_in_words(self) -> str:
         mdp = self.mdp
-        if mdp is None or (mdp.state_names is None and mdp.action_names is None):
+        if mdp.state_names is None and mdp.action_names is None:
             return ""
         choices = np.flatnonzero(~mdp.terminal & (mdp.admissible.sum(axis=1) > 1))
         if not len(choices):
@@ -496,11 +498,10 @@ class Learner:
             cannot_tell=elicitation.cannot_tell,
             rounds=rounds,
             guarantee=guarantee or partial(loss_bound, mdp, policy.copy(), elicitation.comparator),
-            discount=mdp.discount,
+            mdp=mdp,
             member_guarantees=partial(_of_members, mdp, policy.copy(), elicitation.comparator),
             tolerance=tolerance,
             budget=elicitation.max_queries,
-            mdp=mdp,
         )
 
 

@@ -88,13 +88,12 @@ class InteractivePolicyIteration(Learner):
     strategy : function of ``qlearn.strategies``, or its name
         Picks the question. The default weighs what an answer tells by how likely it is to matter.
     bags : elicit.Bags, "magnified" or "as they are", optional
-        What is put to the tutor. "as they are": the futures of two actions at a state. "magnified":
-        what these differ by, times the greatest power of two that two bags have room for
-        (``elicit.asking.magnified``), with the same answer. Tutors who err where little is at
-        stake answer it better (docs/contest.md), so it is the default for a comparator that
-        predicts answers; "as they are" is the default for others. A ``Bags``: simple bags instead
-        ("of 10 days ..."), one at a time, as far as they tell enough of the signs of the
-        advantages in question.
+        The form of the questions. "as they are": the futures of two actions at a state.
+        "magnified": the difference of these futures, times the greatest power of two that two bags
+        have room for. The right answer is the same, and tutors who err where little is at stake
+        give it more often (docs/contest.md). A ``Bags``: simple bags ("of 10 days ..."), one
+        question at a time, as far as they tell enough. Default: "magnified" for a comparator that
+        predicts answers, "as they are" for others.
     cuts : bool, optional
         Once most plausible scales agree on the policy, also ask about two mixtures of levels that
         are made to close several advantages at once (``elicit.asking.cuts``), if that promises
@@ -102,12 +101,12 @@ class InteractivePolicyIteration(Learner):
         time, no bags, and a tutor who calls no pair equal and can tell all. Default: wherever that
         holds, whatever the strategy. ``True`` raises where it cannot hold.
     exact : bool, optional
-        Whether every round looks at all states. Otherwise a round improves the last solution
-        approximately, which the bound allows for, and looks at a sample of states, with a few
-        questions a solution, as long as the sample refutes the tolerance; only then all advantages
-        are bounded. Default: True up to ``LARGE`` states. Without ``exact``, ``Result.decided``
-        counts the alternatives looked at, and all of them at the end. Rounds are always exact if
-        the comparator leaves the order of two levels open.
+        True: every round solves the MDP and looks at all states. False: a round only improves the
+        last solution, and looks at a sample of states, until the sample no longer refutes the
+        tolerance. Then all advantages are bounded. The bound allows for the inexact solution.
+        Default: True up to ``LARGE`` states. If the comparator leaves the order of two levels open,
+        rounds are exact in any case. With False, ``Result.decided`` counts the alternatives that
+        were looked at, and at the end all of them.
     **asking
         The options of ``elicit.AskingOptions``. The seed picks audits and samples of states. An
         advantage that no plausible scale puts above ``indifference`` is not asked about; the
@@ -235,7 +234,7 @@ class InteractivePolicyIteration(Learner):
         comparator = self._elicitation.comparator
         in_full = partial(completed, found, self._mdp, advantages, comparator)
         looked_at = advantages if self._end is None else rounds.everything()
-        settled = np.bincount(self._settled_by(looked_at), minlength=len(Tier))
+        by_tier = np.bincount(self._deciding_tiers(looked_at), minlength=len(Tier))
         shares = partial(q_of, np.arange(self._mdp.n_states), advantages.v, model_of(self._mdp))
         policy = advantages.policy.copy()
         return self._result(
@@ -244,7 +243,7 @@ class InteractivePolicyIteration(Learner):
             shares,
             self._end,
             rounds.rounds,
-            more=settled,
+            more=by_tier,
             guarantee=in_full,
             tolerance=self._enough,
         )
@@ -392,7 +391,7 @@ class InteractivePolicyIteration(Learner):
         pair = Pair(left, right, "two mixtures of levels: left or right?", who=who)
         return pair if elicitation.may_ask(cut[None], lambda _: pair.place).all() else None
 
-    def _settled_by(self, advantages: Advantages) -> NDArray[np.int8]:
+    def _deciding_tiers(self, advantages: Advantages) -> NDArray[np.int8]:
         """Return the tiers (n,) that decided that the policy's alternatives are no better.
 
         Open ones are left out, unless the budget is spent.
@@ -409,15 +408,15 @@ class InteractivePolicyIteration(Learner):
         """Audit some of what the proof depends on; without audits, end."""
         if self._elicitation.asking_state().audit:
             advantages = self._rounds.some_of(advantages)
-            judged = self._elicitation.decide(advantages.d, partial(self._place, advantages))
+            decisions = self._elicitation.decide(advantages.d, partial(self._place, advantages))
             rows = np.flatnonzero(
-                (judged.verdicts == Verdict.UNKNOWN) & (judged.tiers != Tier.TUTOR)
+                (decisions.verdicts == Verdict.UNKNOWN) & (decisions.tiers != Tier.TUTOR)
             )
         else:
             rows = np.empty(0, np.int64)
         if len(rows):
             some = self._elicitation.next_batch(advantages.d[rows])[: self._elicitation.audits_left]
-            return self._open(advantages, rows[some], judged.tiers)
+            return self._open(advantages, rows[some], decisions.tiers)
         within = Status.CONVERGED if found.loss_bound <= self._tolerance else Status.CERTIFIED
         self._end = Status.BOUNDED if np.isnan(found.confidence) else within
         return ()

@@ -31,7 +31,7 @@ from qlearn.learners.exploration import (
 )
 from qlearn.learners.learner import Learner, Result, check_problem, pair_of
 from qlearn.learners.loops import q_learning_kernel as kernel
-from qlearn.learners.loops.action_pair_kernel import AnswersInLoops, PairJudge
+from qlearn.learners.loops.action_pair_kernel import AnswersInLoops, PairDecider
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 LearningRate: TypeAlias = float | Callable[[NDArray[np.int64]], Floats]
@@ -150,7 +150,7 @@ class InteractiveQLearning(Learner):
                 array.flags.writeable = False  # copies of the learner share them
         jit.expect(kernel.advance, 1e-3 * steps)
         self.state = _first_state(mdp, self.model, exploration.start)
-        self._pairs = PairJudge(self._elicitation, mdp.n_states * mdp.n_actions)
+        self._pairs = PairDecider(self._elicitation, mdp.n_states * mdp.n_actions)
         self._verdict = int(Verdict.UNKNOWN)  # on the pair at the cursor
 
     def result(self) -> Result:
@@ -170,11 +170,11 @@ class InteractiveQLearning(Learner):
         self._pairs.take_told()
         rule = rule_of(elicitation.comparator)
         while True:
-            judging, verdict = self._pairs.judging(rule), self._verdict
+            deciding, verdict = self._pairs.arrays(rule), self._verdict
             step = int(state.cursor[kernel.STEP])
             end = min(steps, step + max(step, _FIRST_PIECE))
             with np.errstate(all="ignore"):  # the hash wraps around
-                code = kernel.advance(state, self.model._replace(steps=end), verdict, judging)
+                code = kernel.advance(state, self.model._replace(steps=end), verdict, deciding)
             self._verdict = int(Verdict.UNKNOWN)  # used up, in case the rest is interrupted
             decided = state.decided.copy()
             state.decided[:] = 0

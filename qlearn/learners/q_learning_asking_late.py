@@ -34,20 +34,31 @@ MOVED = 0.25
 class LateQLearning(InteractiveQLearning):
     """Q-learning that asks only at checkpoints, about differences that could matter.
 
-    Between checkpoints undecided pairs go by the comparator's central scale. Checkpoints come at
-    doubling numbers of steps. At each at most ``2 (k - 1)`` questions are asked, so that the number
-    of questions grows with the logarithm of the steps.
+    Checkpoints come at doubling numbers of steps, so that the number of questions grows with the
+    logarithm of the steps. Between them undecided pairs go by the comparator's central scale. At
+    each checkpoint at most ``2 (k - 1)`` questions are asked. A pair is asked about only if, under
+    some plausible scale, an alternative beats the greedy action by more than the ``indifference``,
+    and by more than further steps are likely to change. After the last step the second condition
+    falls away.
 
-    A pair is asked about only if some plausible scale puts an alternative above the greedy action
-    by more than the ``indifference``, and by more than the difference is likely to move still. The
-    best pair by ``strategy`` comes first (``qlearn.strategies``). At the end nothing moves any
-    more. Then pairs that could matter to the policy by more than the indifference are asked about,
-    within the same number.
+    Parameters
+    ----------
+    mdp : OrdinalMDP
+    comparator : Comparator
+        What is known of the scale so far.
+    strategy : function of ``qlearn.strategies``, or its name
+        Picks the pair that is asked about first.
+    max_loss : float, optional
+        Stop at a checkpoint once no plausible scale lets the greedy policy lose more than this
+        share of the value range.
+    **settings
+        The other keywords of ``InteractiveQLearning``.
 
+    Notes
+    -----
     The guesses determine which transitions are seen. So explore well, as by default, or the result
-    differs from that of ``InteractiveQLearning``. With ``max_loss``, the run stops at a checkpoint
-    once no plausible scale lets the greedy policy lose more. Other keywords are as there. A learner
-    that asks about everything (AlwaysAsk with a simulated tutor) asks at once nevertheless.
+    differs from that of ``InteractiveQLearning``. A learner that asks about everything (AlwaysAsk
+    with a simulated tutor) asks at once nevertheless.
     """
 
     def __init__(

@@ -12,11 +12,11 @@ from elicit.asking.elicitation import Elicitation
 from elicit.asking.question import Place
 from elicit.decision.comparator_rule import ALWAYS_ASK, NO_ARRAYS, PROOFS, Rule, rule_of, silent
 from elicit.model.comparator import Decisions, Tier
-from elicit.model.difference_kernel import UNKNOWN, UNSETTLED
+from elicit.model.difference_kernel import LEFT_OPEN, UNKNOWN
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats
 from qlearn.learners.learner import place
-from qlearn.learners.loops.action_pair_kernel import PairJudge
+from qlearn.learners.loops.action_pair_kernel import PairDecider
 from qlearn.learners.loops.state_sweep_kernel import ANSWERED, Outcome, Work, no_outcome, sweep
 from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -41,11 +41,11 @@ class StateSweep:
         self._following = np.empty_like(self.v)
         self.best = np.argmax(mdp.admissible, axis=1)
         self.cursor = np.empty(n, dtype=np.int32)  # each state's next challenger
-        self.judged: dict[
+        self.waiting_tiers: dict[
             int, int
         ] = {}  # by waiting state: its pair's tier, as ``Elicitation.decide`` has it
-        self._pairs = PairJudge(elicitation, n * m, np.float32, room=m)
-        self._judged_by = (
+        self._pairs = PairDecider(elicitation, n * m, np.float32, room=m)
+        self._decided_by = (
             elicitation.comparator
         )  # the comparator that certificates and copies belong to
         self._copies: list[Rule] = []
@@ -70,12 +70,12 @@ class StateSweep:
             self._reached += len(states)
         return self._waiting[: min(batch, self._verified)]
 
-    def settle(self, state: int, verdict: Verdict) -> None:
+    def enter_verdict(self, state: int, verdict: Verdict) -> None:
         """Enter the verdict on the pair at a waiting state's cursor.
 
         States that wait behind it may be decided by now.
         """
-        self._settle(np.array([state]), np.array([verdict], dtype=np.int8))
+        self._pass_decided(np.array([state]), np.array([verdict], dtype=np.int8))
         self._verified = 0
 
     def pairs(self, states: States) -> tuple[Floats, Floats, NDArray[np.int32], States]:
@@ -115,7 +115,7 @@ class StateSweep:
     def begin(self) -> None:
         """Begin this sweep, or begin it anew, from V."""
         self.cursor[:] = 0
-        self.judged.clear()
+        self.waiting_tiers.clear()
         self._reached = 0  # states from here on have not been looked at in this sweep
         self._change = no_outcome(
             0, self._mdp.k
@@ -150,12 +150,12 @@ class StateSweep:
             for part, out in self._swept(states):
                 self._enter(part, out)
                 code = out.code[: len(part)]
-                by_python = code == UNSETTLED
+                by_python = code == LEFT_OPEN
                 if self._elicitation.signs is not None:
                     by_python |= code == UNKNOWN
                 asks = part[(code == UNKNOWN) & ~by_python]
-                self.judged.update(dict.fromkeys(asks.tolist(), int(Tier.TUTOR)))
-                needs = self._judge(part[by_python])
+                self.waiting_tiers.update(dict.fromkeys(asks.tolist(), int(Tier.TUTOR)))
+                needs = self._decide(part[by_python])
                 waiting += [asks, needs]
                 going_on += [part[code == ANSWERED], np.setdiff1d(part[by_python], needs)]
             states = np.sort(np.concatenate(going_on))
@@ -186,7 +186,7 @@ class StateSweep:
             no_outcome(len(states), self._mdp.k),
         )
         with np.errstate(all="ignore"):  # hashes wrap around
-            reached = sweep(states, work, self.model, self._pairs.judging(rule), out)
+            reached = sweep(states, work, self.model, self._pairs.arrays(rule), out)
         return states[:reached], out
 
     def _enter(self, states: States, out: Outcome) -> None:
@@ -197,8 +197,8 @@ class StateSweep:
         self._change[1] = np.maximum(self._change[1], out.change[1])
         self._pairs.enter(out.tiers)
 
-    def _judge(self, states: States) -> States:
-        """Let the elicitation decide the pairs at the cursors of states, all at once.
+    def _decide(self, states: States) -> States:
+        """Have the elicitation decide the pairs at the cursors of states, all at once.
 
         Return the states that need the tutor.
         """
@@ -212,13 +212,13 @@ class StateSweep:
 
         verdicts, tiers = self._elicitation.decide(d, where)
         needs = verdicts == Verdict.UNKNOWN
-        self.judged.update(zip(states[needs].tolist(), tiers[needs].tolist(), strict=True))
+        self.waiting_tiers.update(zip(states[needs].tolist(), tiers[needs].tolist(), strict=True))
         self._elicitation.commit(d[~needs], Decisions(verdicts[~needs], tiers[~needs]))
-        self._settle(states[~needs], verdicts[~needs])
+        self._pass_decided(states[~needs], verdicts[~needs])
         needed: States = states[needs]
         return needed
 
-    def _settle(self, states: States, verdicts: NDArray[np.int8]) -> None:
+    def _pass_decided(self, states: States, verdicts: NDArray[np.int8]) -> None:
         """Move cursors past decided challengers."""
         won = states[verdicts == Verdict.BETTER]
         self.best[won] = self.cursor[won]
@@ -230,11 +230,11 @@ class StateSweep:
         Each block has a copy, which receives its findings. After an answer certificates are
         deleted, except proven ones.
         """
-        if self._elicitation.comparator is not self._judged_by:
-            self._judged_by = self._elicitation.comparator
+        if self._elicitation.comparator is not self._decided_by:
+            self._decided_by = self._elicitation.comparator
             self._pairs.take_answers()
             self._copies.clear()
-        rule = rule_of(self._judged_by)
+        rule = rule_of(self._decided_by)
         if self._elicitation.puts_off and rule.kind not in (NO_ARRAYS, ALWAYS_ASK):
             rule = (
                 silent()

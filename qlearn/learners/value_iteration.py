@@ -182,7 +182,7 @@ class InteractiveValueIteration(Learner):
 
     def _act_on_answers(self) -> None:
         while self._answered:
-            self._states.settle(*self._answered.popitem())
+            self._states.enter_verdict(*self._answered.popitem())
 
     def _open(self, heads: NDArray[np.int64]) -> tuple[Query, ...]:
         """Ask about the pairs at the cursors of some of these states, the first in order."""
@@ -190,13 +190,15 @@ class InteractiveValueIteration(Learner):
         d = left - right
         order = self._in_order(d, heads, challengers)
         chosen = [order[i] for i in self._elicitation.next_batch(d[order])]
-        audits = [i for i in chosen if self._states.judged[int(heads[i])] != Tier.TUTOR]
+        audits = [i for i in chosen if self._states.waiting_tiers[int(heads[i])] != Tier.TUTOR]
         beyond = set(audits[self._elicitation.audits_left :])
         chosen = [i for i in chosen if i not in beyond]
         pairs = []
         for i in chosen:
             s, a, b = int(heads[i]), int(challengers[i]), int(incumbents[i])
-            pairs.append(pair_of(self._mdp, left[i], right[i], s, a, b, self._states.judged[s]))
+            pairs.append(
+                pair_of(self._mdp, left[i], right[i], s, a, b, self._states.waiting_tiers[s])
+            )
         return self._elicitation.open(pairs)
 
     def _in_order(
@@ -211,7 +213,7 @@ class InteractiveValueIteration(Learner):
         if self._certified(self._mdp, self._states.best, self._max_loss):
             self._end = Status.CERTIFIED
         elif self._mdp.discount == 0 or self._states.span < self._small_span:
-            self._end = self._settled()
+            self._end = self._final_status()
         elif (used := self._sweeps - self._patience_from) >= self._max_sweeps:
             self._end = Status.SWEEP_LIMIT
         else:
@@ -221,8 +223,8 @@ class InteractiveValueIteration(Learner):
             if self._partial_sweeps and self._sweeps > 1 and used <= self._max_sweeps // 2:
                 self._states.follow(_EVALUATED * self._small_span)
 
-    def _settled(self) -> Status | None:
-        """Return the final status once V has settled, or None to go on."""
+    def _final_status(self) -> Status | None:
+        """Return the final status once V hardly changes, or None to go on."""
         if self._elicitation.counts[Tier.GUESS] > self._guessed:
             return Status.GUESSED
         if self._elicitation.unsure:
@@ -248,8 +250,8 @@ class LateValueIteration(InteractiveValueIteration):
     """Value iteration on share vectors that puts its questions off.
 
     It delays and orders questions as Gilbert, Spanjaard, Viappiani and Weng (2015) do. Undecided
-    pairs go by the comparator's central scale until V has settled. Only then it asks about one of
-    the pairs that it met, the best by ``strategy`` (``qlearn.strategies``), and sweeps go on. It
+    pairs go by the comparator's central scale until V hardly changes. Only then it asks about one
+    of the pairs that it met, the best by ``strategy`` (``qlearn.strategies``), and sweeps go on. It
     stops after a sweep without a guess, so that it has the guarantee of InteractiveValueIteration.
     Other keywords are as there. The default limit of sweeps applies to each question. A learner
     that asks about everything (AlwaysAsk with a simulated tutor) asks at once nevertheless.
@@ -291,8 +293,8 @@ class LateValueIteration(InteractiveValueIteration):
             self._elicitation.counts[Tier.GUESS]
         )  # only guesses in the last sweep count
 
-    def _settled(self) -> Status | None:
-        status = super()._settled()
+    def _final_status(self) -> Status | None:
+        status = super()._final_status()
         if status is not Status.GUESSED or self._elicitation.spent:
             return status
         self._put_off(False)

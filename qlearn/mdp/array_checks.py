@@ -5,12 +5,13 @@ The arrays may fill most of the memory.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from elicit._support.validation import check_printable
 from elicit.model.scale import Floats
 
 Indices = NDArray[np.int32]
@@ -21,8 +22,12 @@ _SUM_TOLERANCE = 1e-9  # a row farther from 1 than this is no distribution
 _ROUNDING = 1e-12  # a row nearer to 1 than this is kept bit for bit, so that copies are identical
 
 
+Place: TypeAlias = Callable[[int, int], str]
+"""The words for a state and an action, given their numbers."""
+
+
 def clean(
-    targets: NDArray[Any], probabilities: Floats, terminal: Flags, admissible: Flags
+    targets: NDArray[Any], probabilities: Floats, terminal: Flags, admissible: Flags, place: Place
 ) -> tuple[NDArray[np.integer[Any]], Floats]:
     """Return successors (S, A, b) int32 and probabilities (S, A, b) for ``OrdinalMDP``.
 
@@ -46,10 +51,10 @@ def clean(
             last = b - 1 - np.argmin(padding[:, :, ::-1], axis=2, keepdims=True)
             t = np.where(padding, np.take_along_axis(t, last, axis=2), t)
         whole = _int32("successors", t, start)
-        reject(
-            "successors", whole, (whole < 0) | (whole >= n), f"must be a state in 0..{n - 1}", start
-        )
-        p = distributions("probabilities", p, needed=admissible[part], start=start)
+        rule = f"must be a state in 0..{n - 1}"
+        reject("successors", whole, (whole < 0) | (whole >= n), rule, start, _words(place, start))
+        words = _words(place, start, whole)
+        p = distributions("probabilities", p, needed=admissible[part], start=start, words=words)
         if p is not before[1] and not np.array_equal(p, before[1]):
             probabilities = probabilities if probabilities.flags.writeable else probabilities.copy()
             probabilities[part] = p
@@ -59,15 +64,43 @@ def clean(
     return targets.astype(np.int32, copy=False), probabilities
 
 
-def reject(name: str, array: NDArray[Any], bad: Flags, rule: str, start: int = 0) -> None:
+def reject(
+    name: str,
+    array: NDArray[Any],
+    bad: Flags,
+    rule: str,
+    start: int = 0,
+    words: Callable[[tuple[int, ...]], str] | None = None,
+) -> None:
     """Raise ValueError naming the first bad entry.
 
-    ``start`` is the index of the array's first row.
+    ``start`` is the index of the array's first row, and ``words`` say what an index stands for.
     """
     if bad.any():
         index = tuple(int(i) for i in np.argwhere(bad)[0])
         named = (index[0] + start, *index[1:])
-        raise ValueError(f"{name}[{', '.join(map(str, named))}] is {array[index]}, but {rule}")
+        where = words(index) if words else ""
+        raise ValueError(
+            f"{name}[{', '.join(map(str, named))}] is {array[index]}, but {rule}{where}"
+        )
+
+
+def _words(
+    place: Place, start: int, targets: Indices | None = None
+) -> Callable[[tuple[int, ...]], str]:
+    """Return a function that says which state and action an index is about.
+
+    It also names the next state of an entry whose successor is in ``targets`` (S, A, b), because
+    the last index of a stored row is not the number of a state.
+    """
+
+    def words(index: tuple[int, ...]) -> str:
+        said = place(index[0] + start, index[1])
+        if targets is not None and len(index) == 3:
+            said += f", next state {targets[index]}"
+        return f" ({said})"
+
+    return words
 
 
 def numbers(
@@ -189,6 +222,7 @@ def _strings(name: str, given: Sequence[str], wanted: str) -> tuple[str, ...]:
         if one in seen:
             raise ValueError(f"{name} must differ, but {str(one)!r} appears twice")
         seen.add(one)
+    check_printable(name, map(str, found))
     return tuple(map(str, found))
 
 
@@ -208,13 +242,20 @@ def check_terminal_levels(levels: Indices, terminal: Flags, admissible: Flags) -
         )
 
 
-def distributions(name: str, p: Floats, needed: Flags | None = None, start: int = 0) -> Floats:
+def distributions(
+    name: str,
+    p: Floats,
+    needed: Flags | None = None,
+    start: int = 0,
+    words: Callable[[tuple[int, ...]], str] | None = None,
+) -> Floats:
     """Return p (..., b) with every needed row a distribution.
 
-    It is p itself if no change is needed. Raise ValueError.
+    It is p itself if no change is needed. ``start`` and ``words`` are as for ``reject``. Raise
+    ValueError.
     """
-    reject(name, p, ~np.isfinite(p), "must be finite", start)
-    reject(name, p, p < 0, "must not be negative", start)
+    reject(name, p, ~np.isfinite(p), "must be finite", start, words)
+    reject(name, p, p < 0, "must not be negative", start, words)
     total = p.sum(axis=-1)
     off = np.abs(total - 1) if needed is None else np.where(needed, np.abs(total - 1), 0.0)
     if (off > _SUM_TOLERANCE).any():
@@ -223,7 +264,7 @@ def distributions(name: str, p: Floats, needed: Flags | None = None, start: int 
         row = f"{name}[{', '.join(map(str, named))}]" if index else name
         raise ValueError(
             f"{row} sums to {float(total[index])!r}, not 1: divide it by its sum if this is only "
-            "rounding"
+            f"rounding{words(index) if words else ''}"
         )
     if not (off > _ROUNDING).any():
         return p

@@ -12,11 +12,10 @@ from elicit.model.scale import Floats
 from qlearn.mdp import array_checks as checks
 
 Node: TypeAlias = tuple[int, int]
-"""A state of the new MDP: the environment's state (or _END), and the level counted there (_ANY: the
-action's).
-"""
+"""A state of the new MDP: a state of the environment, and the level that is counted there."""
 
-_END, _ANY = -1, -1
+_END = -1  # in place of a state: an episode has ended
+_BY_ACTION = -1  # in place of a level: each action that is taken there has its own
 
 
 def read(
@@ -40,9 +39,9 @@ def read(
         for actions in table
         for outcomes in actions
     )
-    arrival = dict.fromkeys(level_of, _ANY) if single else level_of
+    arrival = dict.fromkeys(level_of, _BY_ACTION) if single else level_of
     last = level_of.get(float(after), 0)
-    nodes = _nodes(table, arrival, _ANY if single else last)
+    nodes = _nodes(table, arrival, _BY_ACTION if single else last)
     arrays = _arrays(table, nodes, level_of, arrival, last)
     return arrays | {
         "initial": _start(len(table), len(nodes), initial),
@@ -170,7 +169,7 @@ def _arrays(
             continue
         for a, outcomes in enumerate(table[s]):
             admissible[i, a] = True
-            levels[i, a] = level_of[outcomes[0][2]] if level == _ANY else level
+            levels[i, a] = level_of[outcomes[0][2]] if level == _BY_ACTION else level
             for j, (p, t, reward, over) in enumerate(outcomes):
                 successors[i, a, j] = number[(_END if over else t, arrival[reward])]
                 probabilities[i, a, j] = p

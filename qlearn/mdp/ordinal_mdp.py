@@ -137,7 +137,15 @@ class OrdinalMDP:
                 f"state {s} has no admissible action; set at least one of admissible[{s}]"
             )
         checks.check_terminal_levels(levels, terminal, admissible)
-        successors, probabilities = checks.clean(targets, probabilities, terminal, admissible)
+        states = checks.names("state_names", rest.get("state_names"), n)
+        actions = checks.names("action_names", rest.get("action_names"), m)
+
+        def place(state: int, action: int) -> str:
+            return f"{_called('state', state, states)}, {_called('action', action, actions)}"
+
+        successors, probabilities = checks.clean(
+            targets, probabilities, terminal, admissible, place
+        )
 
         initial = rest.get("initial")
         if initial is None:
@@ -151,8 +159,6 @@ class OrdinalMDP:
                 "must be 0: an episode cannot start in a terminal state",
             )
 
-        states = checks.names("state_names", rest.get("state_names"), n)
-        actions = checks.names("action_names", rest.get("action_names"), m)
         stored = (
             successors,
             probabilities,
@@ -390,3 +396,8 @@ class OrdinalMDP:
         if not self.admissible.all():
             parts.append(f"{self.admissible.sum(axis=1).mean():.1f} admissible actions a state")
         return f"OrdinalMDP({', '.join(parts)})"
+
+
+def _called(kind: str, number: int, names: Sequence[str] | None) -> str:
+    """Return the number of a state or an action, and its name if it has one."""
+    return f"{kind} {number}" if names is None else f"{kind} {number}, {names[number]!r}"

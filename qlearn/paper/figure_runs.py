@@ -13,13 +13,14 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from elicit._support.keywords import check_keywords
 from qlearn.experiments.ablation import Run, in_order, instance, of_precision, run_all, run_named
 from qlearn.experiments.metrics import reference_differences
 from qlearn.experiments.parallel import Cell, SweepOptions
@@ -67,6 +68,7 @@ def figures(
     Rows depend neither on ``jobs`` nor on what came from the ``journal``; these, ``fresh``,
     ``progress`` and what is raised are as with ``ablation.ablate``.
     """
+    check_keywords(figures, changes, {one.name for one in fields(FiguresSettings)})
     settings = replace(settings or FiguresSettings(), **changes)
     size = settings.named("actions", "discount")
     how: SweepOptions = {"jobs": jobs, "journal": journal, "fresh": fresh, "progress": progress}

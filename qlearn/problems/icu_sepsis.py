@@ -20,34 +20,58 @@ _SHAPES = {"tx_mat": (716, 25, 716), "d_0": (716,), "sofa_scores": (716,)}
 def icu_sepsis(
     bands: tuple[float, float, float] | None = None, discount: float = 0.99
 ) -> OrdinalMDP:
-    """ICU-Sepsis: treating sepsis in intensive care, an MDP estimated from real patients' records.
+    """Return ICU-Sepsis: treating sepsis in intensive care, estimated from real patients' records.
 
-    715 states and 25 actions: 5 times the dose of fluids plus that of vasopressors within 4 hours,
-    each 0 (none) or the quarter, 1 to 4, of the doses above none to which it belongs. States 0..712
-    are clusters of patients' conditions; 713 (died) and 714 (recovered) are terminal; the tables'
-    state 715, which absorbs after both and could bear no level, is left out. Transitions and the
-    initial distribution are those of the tables (version 2). Actions that doctors rarely took in a
-    state are inadmissible there; the package lets them act as the mean of the admissible ones, here
-    they are not offered, which changes no optimal value.
+    There are 715 states and 25 actions. States 0 to 712 are clusters of patients' conditions, 713
+    is death and 714 recovery. An action is a dose of fluids and one of vasopressors within four
+    hours. It has the number 5 times the first plus the second. Dose 0 is none, and doses 1 to 4 are
+    the quarters of the doses given. Actions that doctors rarely took in a state are not offered
+    there.
 
-    Levels: died < critical < severe < moderate < mild < recovered. The middle four are ours, not
-    the benchmark's: bands of the cluster's mean SOFA score (organ failure; higher is worse).
-    ``bands`` are the three scores that divide them, increasing, a score on the line counting as the
-    milder; the default is the quartiles over the 713 clusters (4.69, 6.49, 8.55), so a band holds
-    a quarter of the clusters, and is no clinical category. The level is that of the state, whatever
-    the action.
+    The levels are died < critical < severe < moderate < mild < recovered. The level is that of the
+    state, whatever the action. The middle four are ours and not the benchmark's: bands of the
+    cluster's mean SOFA score, which rates organ failure and is higher if it is worse. They are no
+    clinical categories.
 
-    The benchmark itself scores survival only, undiscounted. Here a policy is judged by the
-    discounted share of time at each level, died and recovered counting for ever: how bad a day in a
-    critical state is, next to death, is for the tutor to say. For research on algorithms; not
-    medical advice.
+    Parameters
+    ----------
+    bands : (float, float, float), optional
+        The three scores that divide the middle levels, increasing. A score on a line counts as the
+        milder level. Default: the quartiles over the 713 clusters, 4.69, 6.49 and 8.55.
+    discount : float
+        In [0, 1).
 
-    Source: Choudhary, Gupta and Thomas, "ICU-Sepsis: A Benchmark MDP Built from Real Medical Data"
-    (2024), arXiv 2406.05646; tables from the package ``icu-sepsis`` (MIT), which is read, not
-    imported.
+    Returns
+    -------
+    OrdinalMDP
+        Its states and actions have names.
 
-    Raises ImportError if that package is missing, RuntimeError if its tables are not those known
-    here, ValueError for bad ``bands`` or ``discount``.
+    Raises
+    ------
+    ImportError
+        If the package ``icu-sepsis`` is missing.
+    RuntimeError
+        If the package's tables are not those known here.
+    ValueError
+        If ``bands`` or ``discount`` are out of range.
+
+    Notes
+    -----
+    The benchmark scores survival only, without a discount. Here a policy is compared by the
+    discounted share of time at each level, and death and recovery count for ever. How bad a day in
+    a critical state is, next to death, is for the tutor to say. This is for research on algorithms;
+    it is not medical advice.
+
+    Transitions and the initial distribution are those of the package's tables, version 2. Two
+    things differ. The tables' state 715, which follows death and recovery, is left out because it
+    could have no level. In the package a rarely taken action has the mean effect of the others;
+    leaving it out changes no optimal value.
+
+    References
+    ----------
+    Choudhary, Gupta and Thomas, "ICU-Sepsis: A Benchmark MDP Built from Real Medical Data" (2024),
+    arXiv 2406.05646. The tables are read from the package ``icu-sepsis`` (MIT licence), which is
+    not imported.
     """
     transitions, start, sofa = _tables()
     _expect((transitions[_DIED:, :, _ABSORBING] == 1).all(), "death and survival lead to state 715")

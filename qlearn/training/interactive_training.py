@@ -289,16 +289,15 @@ class InteractiveTraining:
         *,
         trained: bool = True,
     ) -> None:
-        """Add a policy.
+        """Add a policy, and how much of each level it gets.
 
-        It is the one trained on the values that ``to_train`` gave last. If there were none, or with
-        ``trained=False``, it has another origin, and says nothing about policies that nobody has
-        seen.
+        Normally it is the policy that was trained on the values that ``to_train`` gave last. Then
+        it limits what any other policy can reach.
 
         Parameters
         ----------
         policy
-            Any object.
+            Any object. The result has it again.
         shares : (k,) or RolloutShares
             As ``rollout_shares`` finds them, or its result. A total below 1 means that runs were
             cut off. The missing share counts in ``loss_bound``.
@@ -306,6 +305,8 @@ class InteractiveTraining:
             Standard errors of the shares; for objectives those of each (k - 1,). Without errors the
             shares are taken to be exact.
         trained : bool
+            False for a policy of another origin. It may be chosen, but it says nothing about the
+            policies that nobody has seen.
 
         Raises
         ------
@@ -566,11 +567,13 @@ class InteractiveTraining:
     def _audit(self, shares: Floats, at: int) -> _Question | None:
         """Return a pair of policies that the answers have decided, if audits are wanted."""
         d = np.delete(shares, at, axis=0) - shares[at]
-        judged = self._elicitation.decide(d, lambda row: self._pair_of_policies(at, row).place)
-        rows = np.flatnonzero((judged.verdicts == Verdict.UNKNOWN) & (judged.tiers != Tier.TUTOR))
+        decisions = self._elicitation.decide(d, lambda row: self._pair_of_policies(at, row).place)
+        rows = np.flatnonzero(
+            (decisions.verdicts == Verdict.UNKNOWN) & (decisions.tiers != Tier.TUTOR)
+        )
         if not len(rows) or not self._elicitation.audits_left:
             return None
-        return _Question(self._pair_of_policies(at, int(rows[0]), int(judged.tiers[rows[0]])))
+        return _Question(self._pair_of_policies(at, int(rows[0]), int(decisions.tiers[rows[0]])))
 
     def _converged(self, confidence: float) -> Status:
         if self.optimality_gap is None:

@@ -84,11 +84,11 @@ class TrainingResult:
 
     @property
     def confidence(self) -> float:
-        """Confidence in ``loss_bound``, if the gap holds.
+        """The probability that ``loss_bound`` holds, if each training came within its gap.
 
-        It is the comparator's (1: proven for every scale that fits the answers), less the chance
-        that measured shares are off by more than ``STANDARD_ERRORS``. It is nan if no bound or no
-        confidence can be stated.
+        It is the comparator's confidence, less the probability that a measured share is off by more
+        than ``STANDARD_ERRORS`` standard errors. The comparator's is 1 if the bound is proven for
+        every scale that fits the answers. It is nan if there is no bound, or no probability of it.
         """
         return float(self._guaranteed.confidence)
 

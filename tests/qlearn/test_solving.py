@@ -178,6 +178,8 @@ TRUTH = TruthfulTutor(VALUES)
             TypeError,
             r"an elicit.AnswerLog, such as .*, not 'answers.jsonl'",
         ),
+        ((MDP, TRUTH), {"progress": 3}, TypeError, "progress must be None or a function.*not 3"),
+        ((MDP, TRUTH), {"tolerence": 0.1}, TypeError, "'tolerence'. The nearest is 'tolerance'"),
         ((MDP, TRUTH), {"seed": "one"}, TypeError, "a seed must be"),
         ((MDP, lambda query: None), {}, TypeError, r"must return elicit.Answer\(query, verdict\)"),
         ((MDP, lambda query: 0.5), {}, TypeError, r"must return elicit.Answer\(query, verdict\)"),
@@ -232,3 +234,30 @@ def test_without_an_answer_the_bound_is_said_to_be_about_scales_not_about_a_tuto
     assert "No question was asked: this policy was good enough before any answer." in said
     assert "if the tutor errs" not in said
     assert "over the scales that the comparator takes for possible" in said
+
+
+LEARNER = InteractivePolicyIteration(MDP, PolytopeComparator(4))
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ((TRUTH, LEARNER), r"the learner and the tutor are swapped: write drive\(learner, tutor\)"),
+        ((MDP, TRUTH), r"wants a learner first, .*but OrdinalMDP\(.*\) has no ask"),
+        ((InteractivePolicyIteration, TRUTH), "is the class of one: make one"),
+        (
+            (LEARNER, TRUTH, "answers.jsonl"),
+            "log must be None or an elicit.AnswerLog.*not 'answers",
+        ),
+        ((LEARNER, TRUTH, None, 3), "progress must be None or a function.*not 3"),
+    ],
+)
+def test_what_drive_refuses_before_it_asks(given: tuple[Any, ...], message: str) -> None:
+    with pytest.raises(TypeError, match=message):
+        drive(*given)
+
+
+def test_a_result_has_its_problem_and_its_discount() -> None:
+    result = solve(MDP, TRUTH, "polytope", seed=0)
+    assert result.mdp is MDP
+    assert result.discount == MDP.discount

@@ -35,7 +35,7 @@ from elicit.comparators.bradley_terry.likelihood import (
     sigmoid,
 )
 from elicit.decision.comparator_rule import Rule, asking, box, ensemble, silent
-from elicit.decision.verdicts import decide_by
+from elicit.decision.verdicts import decide_by_rule
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import TIE, Verdicts, check_answers, check_levels, check_tie
 from elicit.model.difference import as_differences, of_order_one, tail_sums
@@ -214,7 +214,7 @@ class BradleyTerryComparator:
         Dominance decides first, unless it is switched off. Beyond it a verdict is BETTER or WORSE
         if the whole region agrees.
         """
-        return decide_by(self.rule, as_differences(d, self.k)).verdicts
+        return decide_by_rule(self.rule, as_differences(d, self.k)).verdicts
 
     @property
     def rule(self) -> Rule:

@@ -319,6 +319,11 @@ def answers_of_each(people: Logs, k: int) -> list[Answers]:
     for name, log in by_name.items():
         if not isinstance(log, Answers) and not callable(getattr(log, "answers", None)):
             raise TypeError(f"{wanted}, but that of {name!r} is {log!r}")
+        if getattr(log, "k", k) is None:
+            raise ValueError(
+                f"the log of {name!r} in like= is empty, so that nothing can be learned from it: "
+                "leave it out"
+            )
         answers = log if isinstance(log, Answers) else cast(HasAnswers, log).answers()
         if answers.k != k:
             raise ValueError(

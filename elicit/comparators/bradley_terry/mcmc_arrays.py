@@ -50,7 +50,7 @@ def move(
     """Propose moves for each particle, as ``mcmc.move`` does."""
     p, m, accepted = len(rows), len(x), 0
 
-    def judged(proposed: Floats, room: Floats) -> tuple[Floats, Any]:
+    def density_and_taken(proposed: Floats, room: Floats) -> tuple[Floats, Any]:
         """Return the log densities of particles (q, size), and whether they exceed ``room`` (q,).
 
         The prior's log density is first subtracted from ``room``.
@@ -61,7 +61,7 @@ def move(
         found = powered(theta, rows, tied, n, last, lapse, width, least)
         return density + found, (density > -np.inf) & (least <= 0.0) & (found >= least)
 
-    logs, _ = judged(x, np.full(m, -np.inf))
+    logs, _ = density_and_taken(x, np.full(m, -np.inf))
     for turn in range(turns):
         h = fold(fold(key, 1 + turn), np.arange(m))
         u = [unit(fold(h, j)) for j in range(10)]
@@ -82,7 +82,7 @@ def move(
                 swapped, apart = exchanges(x[group], p, chance)
                 proposal = np.where(swaps[at], swapped, proposal)
                 away = np.where(swaps[group], apart, away)
-            log, taken = judged(proposal, logs[group] + ease[group])
+            log, taken = density_and_taken(proposal, logs[group] + ease[group])
             x[group[taken]], logs[group[taken]] = proposal[taken], log[taken]
             accepted += int(away[taken].sum())
     return accepted

@@ -28,7 +28,7 @@ from elicit.comparators.two_orders import (
 )
 from elicit.decision.comparator_rule import Rule, weighted
 from elicit.decision.draw_bounds import quantiles, upper_together
-from elicit.decision.verdicts import decide_by
+from elicit.decision.verdicts import decide_by_rule
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import TIE, Verdicts, check_answers, check_levels
 from elicit.model.difference import as_differences, tail_sums
@@ -200,7 +200,7 @@ class OpenOrderPosterior:
 
     def compare(self, d: ArrayLike) -> Verdicts:
         """Return verdicts (n,) on differences (n, k): the sign that has probability ``level``."""
-        return decide_by(self.rule, self._rows(d)).verdicts
+        return decide_by_rule(self.rule, self._rows(d)).verdicts
 
     def probability(self, d: ArrayLike) -> Floats:
         """Return P(d.e > 0 | answers) (n,) of differences d (n, k)."""

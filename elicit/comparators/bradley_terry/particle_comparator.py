@@ -60,7 +60,7 @@ from elicit.comparators.bradley_terry.raters import learn as learn_of_several
 from elicit.comparators.bradley_terry.smc import ParticleArrays, effective_size, learn, thetas
 from elicit.decision.comparator_rule import Rule, weighted
 from elicit.decision.draw_bounds import quantiles, upper_together
-from elicit.decision.verdicts import decide_by
+from elicit.decision.verdicts import decide_by_rule
 from elicit.lp.hit_and_run import Draws
 from elicit.lp.prior_inequalities import PriorLike, as_prior
 from elicit.model.comparator import ALLOWANCE, TIE, Verdicts, check_answers, check_levels, check_tie
@@ -451,7 +451,7 @@ class PosteriorComparator:
 
         Dominance comes first, then the sign that has probability ``level``.
         """
-        return decide_by(self.rule, as_differences(d, self.k)).verdicts
+        return decide_by_rule(self.rule, as_differences(d, self.k)).verdicts
 
     @property
     def rule(self) -> Rule:
@@ -520,7 +520,10 @@ class PosteriorComparator:
         return np.asarray(found / len(tutors))
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Return the (1 - level) and the level quantile of d.e, so that lo > 0 goes with BETTER."""
+        """Return two quantiles (n,) of d.e for differences (n, k): 1 - ``level`` and ``level``.
+
+        The verdict is BETTER if the first is above 0.
+        """
         gaps, weights = self._gaps_and_weights
         t = tail_sums(as_differences(d, self.k))
         low, high = np.empty(len(t)), np.empty(len(t))
@@ -616,7 +619,7 @@ class PosteriorComparator:
 
     @property
     def acceptance(self) -> float:
-        """The share of proposed moves that were accepted; nan before the first."""
+        """The share of the particles' proposed moves that were accepted; nan before the first."""
         return self.accepted / self.proposed if self.proposed else math.nan
 
     @cached_property

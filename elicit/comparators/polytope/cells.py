@@ -76,7 +76,7 @@ class Cells:
             for part, weight in zip(self.parts, self.weights.tolist(), strict=True)
         )
 
-    def settle(self, d: Floats) -> Decisions:
+    def decide_rest(self, d: Floats) -> Decisions:
         """Return verdicts (n,) and tiers (n,) of differences d (n, k).
 
         A difference is decided if no cell disagrees.

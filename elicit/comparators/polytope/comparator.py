@@ -1,7 +1,7 @@
 """The reliable-tutor comparator (section 3.1): it decides where all consistent scales agree.
 
 A verdict is the sign of the exact optimum of the two programs over K_t. It is reached by the
-cheapest sufficient proof (``decision.judge_kernel``, ``plausible_set``). ``bounds`` come from
+cheapest sufficient proof (``decision.rule_kernel``, ``plausible_set``). ``bounds`` come from
 Clarabel, and every one is proven.
 """
 
@@ -18,7 +18,7 @@ from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, is_whole, require
 from elicit.comparators.polytope.cells import Cells, PolytopeCell, too_many_wrong
 from elicit.comparators.polytope.plausible_set import Empty, PlausibleSet
-from elicit.decision.verdicts import decide_by
+from elicit.decision.verdicts import decide_by_rule
 from elicit.lp.analytic_centre import analytic_centre
 from elicit.lp.hit_and_run import Draws, draws_within
 from elicit.lp.infeasibility import contradiction, opposed, opposite_answers
@@ -237,7 +237,7 @@ class PolytopeComparator:
 
     def compare(self, d: ArrayLike) -> Verdicts:
         """Return verdicts (n,) on differences (n, k): the sign of the exact optimum over K_t."""
-        return decide_by(self.rule, as_differences(d, self.k), self.settle).verdicts
+        return decide_by_rule(self.rule, as_differences(d, self.k), self.decide_rest).verdicts
 
     @property
     def rule(self) -> Rule:
@@ -245,9 +245,9 @@ class PolytopeComparator:
         return self._set.rule if self._cells is None else self._cells.rule
 
     @one_thread
-    def settle(self, d: Floats) -> Decisions:
+    def decide_rest(self, d: Floats) -> Decisions:
         """Decide by linear programs the differences that the rule leaves open."""
-        return self._set.settle(d) if self._cells is None else self._cells.settle(d)
+        return self._set.decide_rest(d) if self._cells is None else self._cells.decide_rest(d)
 
     @one_thread
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:

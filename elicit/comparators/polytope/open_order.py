@@ -19,7 +19,7 @@ from elicit.comparators.polytope.cells import agreed, log_volume
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.comparators.two_orders import filled_up, mean_scale, open_step, orders_of, together
 from elicit.decision.comparator_rule import Rule, unaided
-from elicit.decision.verdicts import decide, decide_by
+from elicit.decision.verdicts import decide, decide_by_rule
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import TIE, Decisions, Verdicts, check_answers, check_levels
 from elicit.model.difference import as_differences
@@ -164,15 +164,15 @@ class OpenOrderComparator:
 
     def compare(self, d: ArrayLike) -> Verdicts:
         """Return verdicts (n,) on differences (n, k), on which all orders left agree."""
-        return decide_by(self.rule, self._rows(d), self.settle).verdicts
+        return decide_by_rule(self.rule, self._rows(d), self.decide_rest).verdicts
 
     @property
     def rule(self) -> Rule:
-        """No arrays: dominance depends on the order, so the comparator decides itself."""
+        """A rule that decides nothing: since either order may hold, ``decide_rest`` decides all."""
         return unaided()
 
     @one_thread
-    def settle(self, d: Floats) -> Decisions:
+    def decide_rest(self, d: Floats) -> Decisions:
         """Return verdicts and tiers (n,) of differences d (n, k)."""
         rows = self._rows(d)
         verdicts = np.full(len(rows), Verdict.EQUAL, np.int8)

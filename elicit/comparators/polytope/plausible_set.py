@@ -1,6 +1,6 @@
 """K_t as a set of gap vectors: the exact sign of t.g over it, and rigorous bounds.
 
-Compiled code decides most signs (``decision.judge_kernel``). The others go to Clarabel, then to the
+Compiled code decides most signs (``decision.rule_kernel``). The others go to Clarabel, then to the
 simplex method in rationals, whose optimum, multipliers and basis are kept as proofs. ``bounds``
 come from Clarabel, and every one is proven.
 """
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from elicit._support.fixed_order import product
 from elicit.decision.comparator_rule import Rule, proven, unaided
-from elicit.decision.verdicts import decide_by
+from elicit.decision.verdicts import decide_by_rule
 from elicit.lp.clarabel_programs import Programs
 from elicit.lp.dual_simplex import Vertex, minimise_exactly
 from elicit.lp.infeasibility import is_empty
@@ -36,7 +36,7 @@ from elicit.lp.vertex_store import (
 )
 from elicit.model.comparator import Decisions, Tier, verdicts_from
 from elicit.model.difference import of_order_one, tail_sums
-from elicit.model.difference_kernel import UNSETTLED, to_order_one
+from elicit.model.difference_kernel import LEFT_OPEN, to_order_one
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats, order_bounds
 
@@ -106,7 +106,7 @@ class PlausibleSet:
 
     def decide(self, d: Floats) -> Decisions:
         """Return verdicts (n,) and tiers (n,) of valid differences d (n, k)."""
-        return decide_by(self.rule, d, self.settle)
+        return decide_by_rule(self.rule, d, self.decide_rest)
 
     @property
     def rule(self) -> Rule:
@@ -121,7 +121,7 @@ class PlausibleSet:
             self._rule = proven(self._known)
         return self._rule
 
-    def settle(self, d: Floats) -> Decisions:
+    def decide_rest(self, d: Floats) -> Decisions:
         """Return verdicts and tiers (n,) of differences (n, k) that compiled proofs leave open."""
         solved = [self._solve(row) for row in d]
         return Decisions(
@@ -234,7 +234,7 @@ class PlausibleSet:
         if limit == 0:
             with np.errstate(all="ignore"):
                 verdict = sign_of(row, self._known)
-            if verdict != UNSETTLED:
+            if verdict != LEFT_OPEN:
                 return verdict in (Verdict.BETTER, Verdict.EQUAL)
         return bool(((self.region.rows == row).all(axis=1) & (self.region.rhs == limit)).any())
 

@@ -31,7 +31,7 @@ from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.comparators.polytope.plausible_set import PlausibleSet
 from elicit.comparators.polytope.violation import Hinges, best_fit, solve
 from elicit.decision.comparator_rule import PROVEN, Rule, outer
-from elicit.decision.verdicts import decide_by
+from elicit.decision.verdicts import decide_by_rule
 from elicit.lp.analytic_centre import climb
 from elicit.lp.dual_simplex import End, minimise, minimise_exactly
 from elicit.lp.hit_and_run import Draws, draws_within
@@ -153,7 +153,7 @@ class RelaxedPolytopeComparator:
 
     def compare(self, d: ArrayLike) -> Verdicts:
         """Return verdicts (n,) on differences (n, k), on which every plausible scale agrees."""
-        return decide_by(self.rule, as_differences(d, self.k), self.settle).verdicts
+        return decide_by_rule(self.rule, as_differences(d, self.k), self.decide_rest).verdicts
 
     @property
     def rule(self) -> Rule:
@@ -161,9 +161,9 @@ class RelaxedPolytopeComparator:
         return self._set.rule
 
     @one_thread
-    def settle(self, d: Floats) -> Decisions:
+    def decide_rest(self, d: Floats) -> Decisions:
         """Decide by linear programs the differences that the rule leaves open."""
-        return self._set.settle(d)
+        return self._set.decide_rest(d)
 
     @one_thread
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
@@ -329,7 +329,7 @@ class _Sublevel:
             still = [self.hinges.total(g) <= self.budget + _NEAR for g in old.points]
             self.points = np.concatenate([self.points, old.points[still]])
 
-    def settle(self, d: Floats) -> Decisions:
+    def decide_rest(self, d: Floats) -> Decisions:
         """Return verdicts (n,) and tiers (n,) of differences d (n, k) that the rule leaves open."""
         verdicts, tiers = self.around.decide(d)
         unknown = np.flatnonzero(verdicts == Verdict.UNKNOWN)

@@ -1,8 +1,9 @@
 """The pair step of every compiled loop: a pair's difference, its verdict, and a record of both.
 
-``without_proof`` and ``decide`` are that step, for ``q_learning_kernel.advance`` and
-``state_sweep_kernel.sweep``. The compiler inlines both into these loops (``jit.written_out``). The
-loops hold some sixty arrays, and passing them in a call would take longer than most verdicts.
+``without_proof`` and ``decide_action_pair`` are that step, for ``q_learning_kernel.advance``
+and ``state_sweep_kernel.sweep``. The compiler inlines both into these loops
+(``jit.written_out``). The loops hold some sixty arrays, and passing them in a call would take
+longer than most verdicts.
 
 Many comparisons differ little from an earlier one: they are of the same two actions, whose vectors
 have moved since. So a verdict that took a proof leaves a *certificate*: a vector f with f.g >= 0
@@ -28,17 +29,17 @@ from numpy.typing import DTypeLike, NDArray
 
 from elicit._support.jit import compiled, written_out
 from elicit.asking.elicitation import Elicitation
-from elicit.asking.elicitation_kernel import AskingState, Judgement, decide_pair
+from elicit.asking.elicitation_kernel import AskingState, PairDecision, decide_pair
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.comparator_rule import Rule, outlasts_answers, rule_of
-from elicit.decision.judge_kernel import certifies
+from elicit.decision.rule_kernel import certifies
 from elicit.lp.sign_proofs import BY_DOMINANCE, BY_EQUAL, BY_SCREEN, BY_SIMPLEX
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.difference import tail_sums
 from elicit.model.difference_kernel import (
     EQUAL,
+    LEFT_OPEN,
     UNKNOWN,
-    UNSETTLED,
     apart,
     by_range,
     mark_of,
@@ -61,7 +62,7 @@ BY_KNOWN, BY_TUTOR = int(Tier.KNOWN), int(Tier.TUTOR)
 _KEPT_AT_ONCE = 4096  # comparisons handed to a watcher at once
 _TOLD_AT_ONCE = 1024  # answers handed to the elicitation at once, at most
 USED, ROOM = 0, 1  # the entries of ``Told.fill``
-OPEN = -1  # the tier of a pair that is not decided yet
+NO_TIER = -1  # the tier of a pair that is not decided yet
 
 
 class Certificates(NamedTuple):
@@ -97,7 +98,7 @@ class Told(NamedTuple):
     fill: NDArray[np.int64]  # (2,) number of answers, and largest number
 
 
-class Judging(NamedTuple):
+class DecidingArrays(NamedTuple):
     """The arrays that a loop decides a pair by."""
 
     rule: Rule
@@ -115,10 +116,10 @@ class AnswersInLoops(Protocol):
 
     @property
     def respondent(self) -> Respondent:
-        """The arrays, to be asked for anew whenever they have left an answer UNSETTLED."""
+        """The arrays, to be asked for anew whenever they have left an answer LEFT_OPEN."""
 
 
-class PairJudge:
+class PairDecider:
     """An elicitation as a compiled loop sees it.
 
     It also has the loop's certificates, and the comparisons that are kept for a watcher.
@@ -149,14 +150,14 @@ class PairJudge:
             None  # the tutor who is asked within the loop, if the elicitation has room for it
         )
 
-    def judging(self, rule: Rule) -> Judging:
+    def arrays(self, rule: Rule) -> DecidingArrays:
         """Return the arrays by which pairs are decided now, with this rule."""
         elicitation, oracle = self._elicitation, nobody()
         asks_all = isinstance(elicitation.comparator, AlwaysAsk)
         if asks_all and isinstance(elicitation.signs, MethodType):
             tutor = elicitation.signs.__self__
             oracle = tutor.respondent if isinstance(tutor, AnswersInLoops) else oracle
-        return Judging(
+        return DecidingArrays(
             rule=rule,
             asking=elicitation.asking_state(),
             oracle=oracle,
@@ -216,7 +217,7 @@ class PairJudge:
         if tutor is None or tutor.kind != TRUTHFUL:
             return None  # a tutor who errs would err anew when asked again as usual
         said = respond(np.ascontiguousarray(tail_sums(left - right)), tutor)
-        if said == UNSETTLED:
+        if said == LEFT_OPEN:
             return None
         if not self._elicitation.take_at_once(left, right, Verdict(said)):
             tutor.tally[GIVEN] -= 1
@@ -237,10 +238,11 @@ def without_proof(
     """Decide a pair with tail sums t (p,) if that takes no proof. Return verdict and tier.
 
     It goes by the verdict of eq. (4), which ``difference`` returns, or by the row's certificate. If
-    the tier is OPEN, the oracle has to go on if there is one, and otherwise ``decide``.
+    the tier is NO_TIER, the oracle has to go on if there is one, and otherwise
+    ``decide_action_pair``.
     """
     limits, sides, tiers = certificates
-    tier = OPEN
+    tier = NO_TIER
     if verdict == EQUAL:
         tier = BY_EQUAL
     elif dominance and verdict != UNKNOWN:
@@ -251,21 +253,22 @@ def without_proof(
 
 
 @written_out
-def decide(
-    q: Any, s: int, a: int, b: int, row: int, d: Any, t: Any, judging: Judging
+def decide_action_pair(
+    q: Any, s: int, a: int, b: int, row: int, d: Any, t: Any, deciding: DecidingArrays
 ) -> tuple[int, int]:
-    """Decide a pair that ``without_proof`` has left open. Return verdict and tier.
+    """Decide a pair of actions that ``without_proof`` has left open. Return verdict and tier.
 
     It goes by the comparator's rule, and by the tutor who can be asked within the loop. UNKNOWN is
-    for Python to ask, and UNSETTLED for the elicitation to decide. If the tier is OPEN, hand over
-    the stored comparisons, then call again. t is overwritten unless the tutor gives the verdict.
+    for Python to ask, and LEFT_OPEN for the elicitation to decide. If the tier is NO_TIER, hand
+    over the stored comparisons, then call again. t is overwritten unless the tutor gives the
+    verdict.
     """
     sums, least = np.empty(len(t)), np.empty(len(t))
-    judged = decide_pair(d, t, sums, least, judging.rule, judging.asking)
-    verdict, tier = certify(judged, least, row, judging.certificates)
-    if verdict == UNKNOWN and judging.told.fill[ROOM] > 0:
+    found = decide_pair(d, t, sums, least, deciding.rule, deciding.asking)
+    verdict, tier = certify(found, least, row, deciding.certificates)
+    if verdict == UNKNOWN and deciding.told.fill[ROOM] > 0:
         difference(q, s, a, b, d, t)
-        verdict, tier = put(q, s, a, b, t, judging)
+        verdict, tier = put(q, s, a, b, t, deciding)
     return verdict, tier
 
 
@@ -287,17 +290,19 @@ def difference(q: Any, s: int, a: int, b: int, d: Any, t: Any) -> int:
 
 
 @compiled
-def certify(judged: Judgement, least: Any, row: int, certificates: Certificates) -> tuple[int, int]:
-    """Return verdict and tier of a judgement by ``decide_pair``, and enter its certificate.
+def certify(
+    found: PairDecision, least: Any, row: int, certificates: Certificates
+) -> tuple[int, int]:
+    """Return verdict and tier of a decision by ``decide_pair``, and enter its certificate.
 
-    An audit becomes UNSETTLED, because Python has to see to it. If there is a certificate in
+    An audit becomes LEFT_OPEN, because Python has to see to it. If there is a certificate in
     ``least`` (p,), it is the row's from now on.
     """
-    verdict, tier = judged.verdict, judged.tier
+    verdict, tier = found.verdict, found.tier
     if verdict == UNKNOWN and tier != BY_TUTOR:
-        verdict = UNSETTLED
+        verdict = LEFT_OPEN
     certificates.verdicts[row] = 0
-    if judged.certified:
+    if found.certified:
         round_up(least, certificates.least[row])
         certificates.verdicts[row] = verdict
         certificates.tiers[row] = (
@@ -317,14 +322,14 @@ def full(used: Any, room: int, fill: Any) -> bool:
 
 
 @compiled
-def put(q: Any, s: int, a: int, b: int, t: Any, judging: Judging) -> tuple[int, int]:
+def put(q: Any, s: int, a: int, b: int, t: Any, deciding: DecidingArrays) -> tuple[int, int]:
     """Ask the tutor about an open pair with tail sums t (p,). Return verdict and tier.
 
-    UNKNOWN means that Python has to ask. UNSETTLED and OPEN mean that the kept comparisons must be
-    handed over first, because a watcher may want to know which were decided before the tutor's
+    UNKNOWN means that Python has to ask. LEFT_OPEN and NO_TIER mean that the kept comparisons must
+    be handed over first, because a watcher may want to know which were decided before the tutor's
     first error. There must be room for an answer.
     """
-    kept, tutor, told = judging.kept, judging.tutor, judging.told
+    kept, tutor, told = deciding.kept, deciding.tutor, deciding.told
     fill = told.fill
     mark, near = mark_of(t), near_to(t)
     reach = marks_within(near, len(t))
@@ -338,10 +343,10 @@ def put(q: Any, s: int, a: int, b: int, t: Any, judging: Judging) -> tuple[int, 
         and len(kept.tiers) > 0
         and kept.used[0] > 0
     ):
-        return UNSETTLED, OPEN
+        return LEFT_OPEN, NO_TIER
     row = fill[USED]
     verdict = respond(t, tutor)
-    if verdict == UNSETTLED:
+    if verdict == LEFT_OPEN:
         return UNKNOWN, BY_TUTOR
     for j in range(q.shape[2]):
         told.vectors[row, 0, j] = q[s, a, j]

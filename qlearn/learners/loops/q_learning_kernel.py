@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from elicit._support.hashing import mix, unit
 from elicit._support.jit import compiled
 from elicit.lp.sign_proofs import BY_DOMINANCE
-from elicit.model.difference_kernel import BETTER, UNKNOWN, UNSETTLED
+from elicit.model.difference_kernel import BETTER, LEFT_OPEN, UNKNOWN
 from elicit.tutors.simulated_kernel import NOBODY, respond
 from qlearn.learners.loops.action_pair_kernel import (
     BY_TUTOR,
-    OPEN,
-    Judging,
-    decide,
+    NO_TIER,
+    DecidingArrays,
+    decide_action_pair,
     difference,
     full,
     keep,
@@ -84,7 +84,7 @@ def draw(cumulative: Any, u: float) -> int:
 
 
 @compiled
-def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
+def advance(state: State, model: Model, verdict: int, deciding: DecidingArrays) -> int:
     """Run Algorithm 1 from the cursor on.
 
     ``verdict`` decides the pair at the cursor (UNKNOWN: none yet). Comparisons are kept unless
@@ -93,7 +93,7 @@ def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
     Return DONE at the end, and FULL if what was kept must be handed over first. With the cursor at
     a pair, return ASK if only the tutor can decide it, and DEFER if perhaps the elicitation can.
     """
-    rule, asking, oracle, certificates, kept, _, told = judging
+    rule, asking, oracle, certificates, kept, _, told = deciding
     dominance, plain, fill = rule.dominance, asking.plain, told.fill
     turns = oracle.kind != NOBODY
     used, room = kept.used, len(kept.tiers)
@@ -122,12 +122,14 @@ def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
                         plain,
                         certificates,
                     )
-                    if tier == OPEN and turns:
+                    if tier == NO_TIER and turns:
                         verdict, tier = respond(t, oracle), BY_TUTOR
-                    elif tier == OPEN:
-                        verdict, tier = decide(q, s, challenger, incumbent, row, d, t, judging)
-                    if verdict == UNSETTLED:
-                        return FULL if tier == OPEN else DEFER
+                    elif tier == NO_TIER:
+                        verdict, tier = decide_action_pair(
+                            q, s, challenger, incumbent, row, d, t, deciding
+                        )
+                    if verdict == LEFT_OPEN:
+                        return FULL if tier == NO_TIER else DEFER
                     if verdict == UNKNOWN:
                         return ASK
                     if tier > BY_DOMINANCE and room > 0:

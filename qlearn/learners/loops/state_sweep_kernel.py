@@ -13,21 +13,21 @@ from numpy.typing import NDArray
 
 from elicit._support.jit import unlocked
 from elicit.model.comparator import Tier
-from elicit.model.difference_kernel import BETTER, UNKNOWN, UNSETTLED
+from elicit.model.difference_kernel import BETTER, LEFT_OPEN, UNKNOWN
 from elicit.model.scale import Floats
 from elicit.tutors.simulated_kernel import NOBODY, respond
 from qlearn.learners.loops.action_pair_kernel import (
     BY_TUTOR,
-    OPEN,
-    Judging,
-    decide,
+    NO_TIER,
+    DecidingArrays,
+    decide_action_pair,
     difference,
     keep,
     without_proof,
 )
 from qlearn.mdp.backup import MdpArrays, back_up_from
 
-DONE, ANSWERED = -1, 0  # codes of a state beside UNKNOWN and UNSETTLED
+DONE, ANSWERED = -1, 0  # codes of a state beside UNKNOWN and LEFT_OPEN
 
 
 class Work(NamedTuple):
@@ -46,7 +46,7 @@ class Outcome(NamedTuple):
     cursor: NDArray[np.int32]  # (n,)
     code: NDArray[
         np.int8
-    ]  # (n,) DONE, ANSWERED, UNSETTLED, or UNKNOWN if only the tutor can decide the pair
+    ]  # (n,) DONE, ANSWERED, LEFT_OPEN, or UNKNOWN if only the tutor can decide the pair
     tiers: NDArray[np.int64]  # (len(Tier),) comparisons by the tier that decided them
     # (2, k - 1) the least and the greatest change of each tail sum of V at the states that are done
     change: Floats
@@ -64,7 +64,7 @@ def no_outcome(n: int, k: int) -> Outcome:
 
 
 @unlocked
-def sweep(states: Any, work: Work, model: MdpArrays, judging: Judging, out: Outcome) -> int:
+def sweep(states: Any, work: Work, model: MdpArrays, deciding: DecidingArrays, out: Outcome) -> int:
     """Back up each of the states (n,), and compare its actions from its cursor on.
 
     Each action is compared with the best of those before it. Return the number of states reached.
@@ -72,9 +72,9 @@ def sweep(states: Any, work: Work, model: MdpArrays, judging: Judging, out: Outc
 
     An oracle is asked about one challenger of each state, so that all states take turns. The
     state's code is then ANSWERED. The sweep stops behind a state for which the oracle returns
-    UNSETTLED.
+    LEFT_OPEN.
     """
-    rule, asking, oracle, certificates, kept, _, _ = judging
+    rule, asking, oracle, certificates, kept, _, _ = deciding
     keeps = len(kept.tiers) > 0
     v, following = work.v, work.following
     ends, terminal, cursor, incumbents = model.ends, model.terminal, work.cursor, work.best
@@ -105,11 +105,11 @@ def sweep(states: Any, work: Work, model: MdpArrays, judging: Judging, out: Outc
                 verdict, tier = without_proof(
                     difference(vectors, 0, a, best, d, t), row, t, dominance, plain, certificates
                 )
-                if tier == OPEN and turns:
+                if tier == NO_TIER and turns:
                     verdict, tier = respond(t, oracle), BY_TUTOR
-                elif tier == OPEN:
-                    verdict, tier = decide(vectors, 0, a, best, row, d, t, judging)
-                if verdict in (UNKNOWN, UNSETTLED):
+                elif tier == NO_TIER:
+                    verdict, tier = decide_action_pair(vectors, 0, a, best, row, d, t, deciding)
+                if verdict in (UNKNOWN, LEFT_OPEN):
                     code, at = verdict, a
                     break
                 tiers[tier] += 1
@@ -128,6 +128,6 @@ def sweep(states: Any, work: Work, model: MdpArrays, judging: Judging, out: Outc
                         low[j - 1], high[j - 1] = min(low[j - 1], total), max(high[j - 1], total)
                     following[s, j] = q[best, j]
         best_now[i], cursor_now[i], code_now[i] = best, at, code
-        if turns and code == UNSETTLED:
+        if turns and code == LEFT_OPEN:
             return i + 1
     return len(states)

@@ -1,10 +1,12 @@
 """An unknown keyword is named, beside the nearest that there is."""
 
+from inspect import signature
 from typing import Any
 
 import pytest
 
-from elicit._support.keywords import check_keywords
+import elicit
+from elicit._support.keywords import check_keywords, naming_nearest
 
 
 class Base:
@@ -40,3 +42,20 @@ def test_all_keywords_are_listed_and_known_ones_pass() -> None:
         Derived(nothing_like_it=1)
     Derived(beta=1, alpha=2, seed=3, batch=4)
     asks(1, seed=2)
+
+
+@naming_nearest
+def adds(one: int, /, two: int = 2, *, three: int = 3) -> int:
+    """Add three numbers."""
+    return one + two + three
+
+
+def test_a_function_without_a_common_set_names_the_nearest_too() -> None:
+    assert adds(1) == adds(1, 2, three=3) == 6
+    assert (adds.__name__, adds.__doc__) == ("adds", "Add three numbers.")
+    assert [*signature(adds).parameters] == ["one", "two", "three"]
+    with pytest.raises(TypeError, match=r"adds has no keyword 'tree'. The nearest is 'three'"):
+        adds(1, tree=3)  # type: ignore[call-arg]
+    known = elicit.PolytopeComparator(2)
+    with pytest.raises(TypeError, match=r"choose has no keyword 'label'. The nearest is 'labels'"):
+        elicit.choose([[1, 0], [0, 1]], known, label=["a", "b"])  # type: ignore[call-arg]

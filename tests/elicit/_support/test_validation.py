@@ -10,7 +10,7 @@ import pytest
 
 import elicit
 import qlearn
-from elicit._support.validation import is_number, is_range, is_whole, require
+from elicit._support.validation import check_printable, is_number, is_range, is_whole, require
 
 NONE: list[Any] = [
     None,
@@ -107,3 +107,13 @@ def test_what_is_no_number_of_levels(k: Any) -> None:
             ValueError, match="k, the number of levels, must be a whole number of at least 2, not"
         ):
             comparator(k)
+
+
+@pytest.mark.parametrize("bad", ["a\x1b[31m", "a\n", "\x00", "a\u2028b", "\ud800"])
+def test_a_control_character_is_named(bad: str) -> None:
+    with pytest.raises(ValueError, match=r"names are shown to people, and .* leave it out"):
+        check_printable("names", ["fine", bad])
+
+
+def test_letters_of_all_scripts_are_printable() -> None:
+    check_printable("names", ["à 5\u00a0%", "بهتر", "良い", "👩\u200d⚕️", ""])

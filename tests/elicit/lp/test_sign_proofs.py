@@ -26,7 +26,7 @@ from elicit.lp.sign_proofs import (
     signs_together,
 )
 from elicit.lp.vertex_store import know_rows, start
-from elicit.model.difference_kernel import UNSETTLED, by_dominance, to_order_one
+from elicit.model.difference_kernel import LEFT_OPEN, by_dominance, to_order_one
 from tests.lp_cases import (
     KINDS,
     Oracle,
@@ -196,7 +196,7 @@ def test_what_is_settled_is_settled_rightly(seed: int) -> None:
         for s in objectives(rng, r, 8):
             given = sign_of(s, known)
             seen[given] += 1
-            if given != UNSETTLED:
+            if given != LEFT_OPEN:
                 least, greatest = minimise_exactly(s, r).value, -minimise_exactly(-s, r).value
                 ordered = given in (
                     Verdict.BETTER,
@@ -206,7 +206,7 @@ def test_what_is_settled_is_settled_rightly(seed: int) -> None:
                 assert given == wanted or (ordered and wanted == 0 and by_dominance(s) == given), (
                     kind
                 )
-    assert min(seen[-1], seen[1], seen[2], seen[UNSETTLED]) > 20
+    assert min(seen[-1], seen[1], seen[2], seen[LEFT_OPEN]) > 20
 
 
 def test_huge_and_tiny_numbers_in_one_difference() -> None:

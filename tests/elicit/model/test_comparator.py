@@ -392,10 +392,10 @@ BAD_PARTS = {
     "people": {"people": ("ann", "ann")},
     "whom": {"people": ("ann",), "whom": lambda self, d, besides: PersonAsked("ben", d)},
     "rule": {"rule": 3, "compare": OneScale.compare},
-    "settle": {
+    "decide_rest": {
         "rule": nothing(),
         "compare": lambda self, d: decide(self, d).verdicts,
-        "settle": lambda self, d: Decisions(
+        "decide_rest": lambda self, d: Decisions(
             np.full(len(d), 3, np.int8), np.full(len(d), 6, np.int8)
         ),
     },
@@ -441,7 +441,7 @@ def test_a_rule_that_leaves_differences_open_needs_settle():
         def compare(self, d):
             return decide(self, d).verdicts
 
-        def settle(self, d):
+        def decide_rest(self, d):
             return Decisions(OneScale.compare(self, d), np.full(len(d), Tier.MODEL, np.int8))
 
     class Ruled(Half):
@@ -449,7 +449,7 @@ def test_a_rule_that_leaves_differences_open_needs_settle():
         compare = Half.compare
 
     check_comparator(Ruled())
-    for settle, complaint in (
+    for decide_rest, complaint in (
         (
             lambda self, d: Decisions(OneScale.compare(self, d), np.full(len(d), 99, np.int8)),
             "a tier, of elicit.Tier",
@@ -460,7 +460,7 @@ def test_a_rule_that_leaves_differences_open_needs_settle():
         ),
     ):
         with pytest.raises(AssertionError, match=complaint):
-            check_comparator(type("Bad", (Ruled,), {"settle": settle})())
+            check_comparator(type("Bad", (Ruled,), {"decide_rest": decide_rest})())
 
 
 def test_broken_parts_are_named_where_a_learner_meets_them():

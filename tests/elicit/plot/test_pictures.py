@@ -528,3 +528,59 @@ def test_shares_of_a_node_total_a_hundred():
     )
     texts = {text.get_text() for text in plot.preference_graph(graph).texts}
     assert {"33.4/33.3/33.3", "50/25/25"} <= texts
+
+
+class Held:
+    """A result, as far as pictures go: it holds a comparator."""
+
+    def __init__(self, comparator):
+        self.comparator = comparator
+
+
+def test_a_result_stands_for_its_comparator():
+    known = taught(5)
+    for draw in (plot.scale_intervals, plot.polytope, plot.plausible):
+        of_result, of_comparator = draw(Held(known)), draw(known)
+        drawn = [
+            [line.get_xydata().tolist() for line in ax.lines] for ax in (of_result, of_comparator)
+        ]
+        assert drawn[0] == drawn[1]
+    (name,) = plot.scale_intervals({"mine": Held(known)}).get_legend().get_texts()
+    assert name.get_text() == "mine"
+
+
+@pytest.mark.parametrize("given", [TruthfulTutor(VALUES), [0, 1, 2], {"a": 3}, Held])
+def test_what_holds_no_comparator_is_named(given):
+    with pytest.raises(TypeError, match="scale_intervals draws comparators, or results"):
+        plot.scale_intervals(given)
+
+
+class Losses:
+    asked = np.array([0, 1, 2])
+    loss = np.array([0.2, 0.05, 0.0])
+    loss_bound = np.array([0.6, 0.3, 0.001])
+
+
+def test_a_loss_history_is_drawn_from_question_zero_in_percent():
+    ax = plot.loss_history(Losses())
+    loss, bound = ax.lines
+    assert loss.get_xydata().tolist() == [[0, 20], [1, 5], [2, 0]]
+    assert bound.get_ydata().tolist() == pytest.approx([60, 30, 0.1])
+    assert loss.get_drawstyle() == bound.get_drawstyle() == "steps-post"
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == [
+        "loss under the true values",
+        "bound",
+    ]
+    low, high = ax.get_xlim()
+    assert low == 0
+    assert high >= 2
+
+
+def test_several_histories_have_their_names_and_colours():
+    ax = plot.loss_history({"polytope": Losses(), "mine": Losses()})
+    names = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert names[:2] == ["polytope", "mine"]
+    colours = [line.get_color() for line in ax.lines]
+    assert colours[0] == colours[1] == plot.STYLES["polytope"]["color"] != colours[2] == colours[3]
+    with pytest.raises(TypeError, match=r"draws a qlearn.LossHistory, not 3"):
+        plot.loss_history(3)

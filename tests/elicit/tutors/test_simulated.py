@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.special import expit
 
 from elicit import Answer, BradleyTerryTutor, FlippingTutor, Query, TruthfulTutor, Tutor, Verdict
-from elicit.model.difference_kernel import UNSETTLED
+from elicit.model.difference_kernel import LEFT_OPEN
 from elicit.model.scale import exact_dot
 from elicit.testing import check_tutor
 from elicit.tutors.simulated_kernel import NOBODY, respond
@@ -242,8 +242,8 @@ def test_a_respondent_says_what_its_tutor_says(make):
     for row, t in zip(d, tail_sums(d), strict=True):
         with np.errstate(over="ignore"):
             found = respond(t, told.respondent)
-        left += found == UNSETTLED
-        said.append(int(told.signs(row)[0]) if found == UNSETTLED else found)
+        left += found == LEFT_OPEN
+        said.append(int(told.signs(row)[0]) if found == LEFT_OPEN else found)
     assert said == asked.signs(d).tolist()
     assert told.realised_error_rate == asked.realised_error_rate
     assert left < 10

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 
 from elicit.plot import STYLES
 from qlearn.experiments.ablation import summarise
-from qlearn.experiments.ablation_plot import NAMES, plot_ablation
+from qlearn.experiments.ablation_plot import NAMES, plot_ablation, table
 from tests.report_cases import bars
 
 DATA = Path(__file__).parents[3] / "notebooks" / "data"
@@ -126,3 +126,15 @@ def test_long_names_are_not_cut_off_in_the_legend(summary: pd.DataFrame) -> None
         figure.bbox.padded(1).contains(*corner) for corner in legend.get_window_extent().corners()
     )
     assert min(axes.bbox.height for axes in figure.axes) > 0.15 * figure.bbox.height
+
+
+@pytest.mark.parametrize("shows", [plot_ablation, table])
+def test_rows_of_single_runs_are_refused_with_what_to_do(shows) -> None:
+    name = shows.__name__
+    rows = pd.DataFrame({"asked": [3], "seed": [0]})
+    with pytest.raises(
+        TypeError, match=rf"single runs: write {name}\(ablation.summarise\(rows\)\)"
+    ):
+        shows(rows)
+    with pytest.raises(TypeError, match=f"{name} takes the means .* but this is list"):
+        shows([rows])

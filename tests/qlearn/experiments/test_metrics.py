@@ -85,6 +85,9 @@ def test_watch_judges_many_small_calls_like_one() -> None:
     assert one.counts == many.counts == (far.sum(), (far & (np.sign(true) != said)).sum(), 0, 0)
 
 
+ONE_STATE = OrdinalMDP([[[0]]], [[[1.0]]], [[0]], 0.5, ["low", "middle", "high"])
+
+
 def result(decided: dict[str, int], asked: int = 0, checked: tuple[Audit, ...] = ()) -> Result:
     nothing: dict[str, Any] = {
         "policy": np.zeros(1, np.int64),
@@ -97,7 +100,7 @@ def result(decided: dict[str, int], asked: int = 0, checked: tuple[Audit, ...] =
         "status": Status.DONE,
         "rounds": 7,
     }
-    nothing |= {"guarantee": lambda: Guarantee(np.nan, np.nan), "discount": 0.5}
+    nothing |= {"guarantee": lambda: Guarantee(np.nan, np.nan), "mdp": ONE_STATE}
     tiers = {tier.name.lower(): 0 for tier in Tier} | decided
     return Result(asked=asked, decided=tiers, audits=checked, **nothing)
 

@@ -72,7 +72,22 @@ def test_a_tutor_who_cannot_tell_is_heard() -> None:
 
 @pytest.mark.parametrize(
     ("about", "wanted"),
-    [("state 3: 0 (left) or 2 (right)?", "state 3: 0 (right) or 2 (left)?"), ("which?", "which?")],
+    [
+        ("state 3: 0 (left) or 2 (right)?", "state 3: 2 (left) or 0 (right)?"),
+        (
+            "state 3: action 0 (left) or action 2 (right)?",
+            "state 3: action 2 (left) or action 0 (right)?",
+        ),
+        (
+            "state 3: action go (left) or stay (right)?",
+            "state 3: action stay (left) or go (right)?",
+        ),
+        ("of 9 days: 9 b (left), or 5 a (right)?", "of 9 days: 5 a (left), or 9 b (right)?"),
+        ("new (left) or old, the best (right)?", "old, the best (left) or new (right)?"),
+        ("state a: b: c (left) or d (right)?", "state a: b: c (right) or d (left)?"),
+        ("to the (left) (left) or on (right)?", "to the (right) (right) or on (left)?"),
+        ("which?", "which?"),
+    ],
 )
 def test_the_words_are_exchanged_with_the_sides(about: str, wanted: str) -> None:
     query = Query("a", [0.5, 0.5], [0.2, 0.8], about)

@@ -249,6 +249,22 @@ P = parts()["probabilities"]
             ValueError,
             r"\[0, 0, 1\] is nan.*finite",
         ),
+        (
+            {
+                "probabilities": [[[0.5, 0.5], [-0.25, 1.25]], *P[1:]],
+                "state_names": ("home", "out", "end"),
+                "action_names": ("stay", "go"),
+            },
+            ValueError,
+            r"\(state 0, 'home', action 1, 'go', next state 1\)$",
+        ),
+        (
+            {"probabilities": [[[0.6, 0.5], [0.25, 0.75]], *P[1:]]},
+            ValueError,
+            r"rounding \(state 0, action 0\)$",
+        ),
+        ({"labels": ("a", "b\x1b[31m", "c")}, ValueError, r"control character '\\x1b': leave it"),
+        ({"state_names": ("a", "b\n", "c")}, ValueError, "state_names are shown to people"),
         ({"probabilities": "many"}, TypeError, "probabilities must be an array of numbers"),
         (
             {"successors": [[0, 1]]},

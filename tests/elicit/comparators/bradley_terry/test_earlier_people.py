@@ -263,6 +263,7 @@ def test_nobody_before_is_the_general_prior() -> None:
         (alike(1, n=3)[0], TypeError, r"for one person write like=\[...\]"),
         (AnswerLog(k=5), TypeError, "in a list or in a dict by name, not AnswerLog"),
         ("people.jsonl", TypeError, "not str"),
+        ([AnswerLog()], ValueError, "the log of 0 in like= is empty.*leave it out"),
         (3, TypeError, "not 3"),
         ({"ann": [1, 2]}, TypeError, "that of 'ann' is"),
         ({"ann": Answers.none(4)}, ValueError, "'ann' in like= are about 4 levels, not 5"),

@@ -1,9 +1,9 @@
 """Verdicts of a comparator's rule on differences, in compiled code.
 
-``judge_all`` serves ``compare``, an elicitation and whole arrays. ``judge`` serves the loops that
-compare millions of pairs, one at a time. A rule leaves a difference UNSETTLED if an optimum is 0,
-or nearly, or if the comparator has no rule. Then the comparator itself decides it
-(``decision.verdicts``).
+``all_by_rule`` is for whole arrays: it serves ``compare`` and an elicitation.
+``by_rule`` is for one difference: it serves the loops that compare millions of pairs. A rule leaves
+a difference LEFT_OPEN if an optimum is 0, or nearly, or if the comparator has no rule. Then the
+comparator itself decides it (``decision.verdicts``).
 """
 
 import math
@@ -27,8 +27,8 @@ from elicit.lp.sign_proofs import BY_DOMINANCE, BY_EQUAL, BY_SCREEN, prove, sign
 from elicit.model.comparator import Tier
 from elicit.model.difference_kernel import (
     EQUAL,
+    LEFT_OPEN,
     UNKNOWN,
-    UNSETTLED,
     by_dominance,
     largest,
     tail_sums_into,
@@ -41,10 +41,10 @@ BLOCK = 256  # differences whose tail sums are held at once
 
 
 @compiled
-def judge_all(d: Any, rule: Rule, verdicts: Any, tiers: Any) -> int:
-    """Write verdicts (n,) and tiers (n,) of differences d (n, k) into the last two arguments.
+def all_by_rule(d: Any, rule: Rule, verdicts: Any, tiers: Any) -> int:
+    """Write a rule's verdicts (n,) and tiers (n,) of differences d (n, k) into the last arguments.
 
-    Dominance is included. Return the number of those left UNSETTLED.
+    Dominance is included. Return the number of those left LEFT_OPEN.
     """
     n, k = d.shape
     t, row, nothing, left = np.empty((BLOCK, k - 1)), np.empty(k), np.empty(0), 0
@@ -64,17 +64,17 @@ def judge_all(d: Any, rule: Rule, verdicts: Any, tiers: Any) -> int:
                 _, exponent = to_order_one(sums)
                 for j in range(k if rule.kind == BOX else 0):
                     row[j] = math.ldexp(d[i, j], -exponent)
-                verdicts[i], tiers[i], _ = judge(row, sums, 0.0, nothing, rule)
-            left += verdicts[i] == UNSETTLED
+                verdicts[i], tiers[i], _ = by_rule(row, sums, 0.0, nothing, rule)
+            left += verdicts[i] == LEFT_OPEN
     return left
 
 
 @compiled
-def judge(d: Any, t: Any, shift: float, certificate: Any, rule: Rule) -> tuple[int, int, bool]:
-    """Return the verdict and tier of one difference, and whether there is a certificate.
+def by_rule(d: Any, t: Any, shift: float, certificate: Any, rule: Rule) -> tuple[int, int, bool]:
+    """Return a rule's verdict and tier of one difference, and whether there is a certificate.
 
     The difference d (k,) has the tail sums t (p,), which are overwritten. Dominance must have been
-    tested before. The verdict may be UNSETTLED. It is on the sign of d.e + shift.
+    tested before. The verdict may be LEFT_OPEN. It is on the sign of d.e + shift.
 
     ``certificate`` is (p,) to write in, or (0,) if none is wanted. Tail sums that lie above it
     (``certifies``) have the same verdict, as long as no answer is added. If the rule is PROVEN,
@@ -100,7 +100,7 @@ def judge(d: Any, t: Any, shift: float, certificate: Any, rule: Rule) -> tuple[i
             and verdict == UNKNOWN
             and not (shift == 0.0 and both_signs(t, rule.scales))
         ):
-            verdict = UNSETTLED
+            verdict = LEFT_OPEN
         return verdict, tier, certified
     if kind == WEIGHTED:
         return by_votes(t, shift, certificate, rule.scales, rule.weights, rule.level)
@@ -114,14 +114,14 @@ def judge(d: Any, t: Any, shift: float, certificate: Any, rule: Rule) -> tuple[i
         for j in range(len(t)):
             t[j] += shift
         return by_dominance(t), BY_MODEL, False
-    return UNSETTLED, BY_MODEL, False
+    return LEFT_OPEN, BY_MODEL, False
 
 
 @compiled
 def within(d: Any, t: Any, indifference: float, rule: Any) -> int:
     """Return EQUAL if |d.e| is proven not to exceed the indifference, else UNKNOWN.
 
-    The result is UNSETTLED if ``judge`` leaves it so. The contents of t are lost.
+    The result is LEFT_OPEN if ``by_rule`` leaves it so. The contents of t are lost.
     """
     copy, nothing = t.copy(), np.empty(0)
     for side in (1, -1):
@@ -131,9 +131,9 @@ def within(d: Any, t: Any, indifference: float, rule: Any) -> int:
             least = min(least, side * t[j])
         if least >= -indifference:  # proven for every ordered scale
             continue
-        verdict = judge(d, t, side * indifference, nothing, rule)[0]
-        if verdict == UNSETTLED:
-            return UNSETTLED
+        verdict = by_rule(d, t, side * indifference, nothing, rule)[0]
+        if verdict == LEFT_OPEN:
+            return LEFT_OPEN
         if verdict != side and verdict != EQUAL:
             return UNKNOWN
     return EQUAL

@@ -20,9 +20,9 @@ from elicit import (
     decide,
 )
 from elicit.decision.comparator_rule import NO_ARRAYS, PROVEN, nothing, rule_of
-from elicit.decision.judge_kernel import certifies, judge, within
-from elicit.decision.verdicts import decide_by
-from elicit.model.difference_kernel import UNSETTLED
+from elicit.decision.rule_kernel import by_rule, certifies, within
+from elicit.decision.verdicts import decide_by_rule
+from elicit.model.difference_kernel import LEFT_OPEN
 from tests.noisy_cases import pairs
 from tests.scale_arithmetic import tail_sums
 
@@ -58,9 +58,9 @@ def test_judges_as_the_comparator_does(name: str, n: int) -> None:
     verdicts = comparator.compare(d)
     settled = 0
     for row, t, verdict in zip(d, tail_sums(d), verdicts, strict=True):
-        found, _, _ = judge(row, t.copy(), 0.0, NOWHERE, rule_of(comparator))
-        settled += found != UNSETTLED
-        assert found in (verdict, UNSETTLED)
+        found, _, _ = by_rule(row, t.copy(), 0.0, NOWHERE, rule_of(comparator))
+        settled += found != LEFT_OPEN
+        assert found in (verdict, LEFT_OPEN)
     assert settled > 0.99 * len(d)
     if n == 40 and name != "dominance":
         assert (np.abs(verdicts) == 1).sum() > (0 if name == "box" else 20)  # the box is blunt
@@ -75,7 +75,7 @@ def test_what_lies_above_a_certificate_has_its_verdict(name: str) -> None:
             2
         ):  # of a vertex that a walk finds, the second judgement makes the certificate
             low = np.empty(K - 1)
-            verdict, _, certified = judge(row, t.copy(), 0.0, low, rule_of(comparator))
+            verdict, _, certified = by_rule(row, t.copy(), 0.0, low, rule_of(comparator))
         if not certified:
             continue
         found += 1
@@ -110,7 +110,7 @@ def test_indifference_is_that_of_the_bounds(name: str, indifference: float) -> N
     far = (low < -indifference - sure) | (high > indifference + sure)
     for i, (row, t) in enumerate(zip(d, tail_sums(d), strict=True)):
         found = within(row, t.copy(), indifference, rule_of(comparator))
-        if found != UNSETTLED and (close[i] or far[i]):
+        if found != LEFT_OPEN and (close[i] or far[i]):
             assert found == (Verdict.EQUAL if close[i] else Verdict.UNKNOWN)
     if indifference == 0.2:
         assert close.any()
@@ -126,12 +126,12 @@ def test_a_set_around_the_plausible_scales_leaves_some_to_the_comparator() -> No
     comparator.compare(ask[:1])  # draws the set around closer
     rule = rule_of(comparator)
     found = [
-        judge(row, t.copy(), 0.0, NOWHERE, rule)[0]
+        by_rule(row, t.copy(), 0.0, NOWHERE, rule)[0]
         for row, t in zip(ask, tail_sums(ask), strict=True)
     ]
     verdicts = comparator.compare(ask)
-    assert all(one in (verdict, UNSETTLED) for one, verdict in zip(found, verdicts, strict=True))
-    assert 0 < sum(one != UNSETTLED for one in found) < len(found)
+    assert all(one in (verdict, LEFT_OPEN) for one, verdict in zip(found, verdicts, strict=True))
+    assert 0 < sum(one != LEFT_OPEN for one in found) < len(found)
     assert rule_of(RelaxedPolytopeComparator(K)).kind == PROVEN
 
 
@@ -147,8 +147,8 @@ def test_verdicts_do_not_depend_on_the_scale_of_a_difference(name: str) -> None:
 
 
 def test_a_rule_that_leaves_differences_open_needs_a_comparator_that_settles_them() -> None:
-    with pytest.raises(TypeError, match=r"settle\(d\)"):
-        decide_by(nothing(), pairs(np.random.default_rng(1), K, 3))
+    with pytest.raises(TypeError, match=r"decide_rest\(d\)"):
+        decide_by_rule(nothing(), pairs(np.random.default_rng(1), K, 3))
 
 
 def test_a_class_that_compares_in_its_own_way_has_no_rule() -> None:
