@@ -48,6 +48,13 @@ def require(holds: bool, name: str, wanted: str, value: object) -> None:
         raise ValueError(f"{name} must be {wanted}, not {value!r}")
 
 
+def escaped(text: str) -> str:
+    """Return a text with its control characters in the form in which Python's source has them."""
+    if text.isprintable():
+        return text
+    return "".join(repr(c)[1:-1] if unicodedata.category(c) in _CONTROLS else c for c in text)
+
+
 def check_printable(name: str, texts: Iterable[str]) -> None:
     """Raise ValueError if a text holds a control character.
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.keywords import naming_nearest
-from elicit._support.validation import check_printable, is_list, require
+from elicit._support.validation import is_list, require
 from elicit.asking.elicitation import Elicitation, OnConflict
 from elicit.asking.options import EarlierAnswers
 from elicit.asking.question import Pair
@@ -152,7 +152,6 @@ def choose(
         f"None or {n} names, one for each of the vectors",
         names,
     )
-    check_printable("names", map(str, names or ()))
     _check_labels(labels, n, comparator.k)
     if check_totals:
         totals = rows.sum(axis=1)

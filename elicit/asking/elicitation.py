@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from elicit._support import jit
 from elicit._support.hashing import key_of
 from elicit._support.seeds import seed_of
-from elicit._support.validation import check_printable, is_list, is_number, is_whole, require
+from elicit._support.validation import is_list, is_number, is_whole, require
 from elicit.asking.answered_pairs import AnsweredPairs
 from elicit.asking.elicitation_kernel import (
     BOUNDS,
@@ -141,7 +141,6 @@ class Elicitation:
             f"None or {k} names, one a level",
             labels,
         )
-        check_printable("labels", map(str, labels or ()))
         self._several = len(people_of(comparator)) > 1
         require(
             not (audit and self._several),

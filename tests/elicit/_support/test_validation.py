@@ -10,7 +10,14 @@ import pytest
 
 import elicit
 import qlearn
-from elicit._support.validation import check_printable, is_number, is_range, is_whole, require
+from elicit._support.validation import (
+    check_printable,
+    escaped,
+    is_number,
+    is_range,
+    is_whole,
+    require,
+)
 
 NONE: list[Any] = [
     None,
@@ -116,4 +123,11 @@ def test_a_control_character_is_named(bad: str) -> None:
 
 
 def test_letters_of_all_scripts_are_printable() -> None:
-    check_printable("names", ["à 5\u00a0%", "بهتر", "良い", "👩\u200d⚕️", ""])
+    texts = ["à 5\u00a0%", "بهتر", "良い", "👩\u200d⚕️", ""]
+    check_printable("names", texts)
+    assert [escaped(text) for text in texts] == texts
+
+
+def test_a_question_shows_control_characters_as_text() -> None:
+    query = elicit.Query("a", [1, 0], [0, 1], "b\x1b[2J?", labels=["c\n", "d"])
+    assert str(query) == "b\\x1b[2J?\n  left:  100% c\\n\n  right: 100% d"

@@ -21,11 +21,12 @@ from qlearn import (
     policy_loss,
     random_mdp,
 )
+from qlearn.cli.ablate import QUICK
 from qlearn.experiments import ablation as runs
 from qlearn.experiments import code_identity, compile_ahead
 from qlearn.experiments.ablation import KEYS, Run, ablate, run, summarise
 from qlearn.experiments.ablation_plot import LEGEND, NAMES, table
-from qlearn.experiments.catalogue import TAUGHT_WITH
+from qlearn.experiments.catalogue import TAUGHT_WITH, LearnerEntry
 from qlearn.experiments.metrics import MEASURES
 from qlearn.experiments.settings import ORDER, TUTORS, AblationSettings, Settings
 from qlearn.learners.exploration import EXPLORATIONS
@@ -374,3 +375,22 @@ def test_known_tasks_are_problems_too(problem: str) -> None:
     polytope = rows[(rows.comparator == "polytope") & (rows.learner == "q-learning")]
     assert (polytope.excess_loss == 0).all()
     assert "FrozenLake 8x8, Q-learning" in table(summarise(rows)) or problem != "frozen-lake"
+
+
+def test_the_quick_ablation_takes_its_comparators_from_the_catalogue() -> None:
+    quick = [name for name, entry in runs.COMPARATORS.items() if entry.quick]
+    assert quick == QUICK["comparators"] == ["always", "polytope", "posterior", "ensemble"]
+
+
+def test_a_learner_of_the_catalogue_need_not_say_what_compiles_it() -> None:
+    entry = LearnerEntry(
+        name="mine", label="mine", factory=InteractiveQLearning, keywords=lambda settings: {}
+    )
+    assert entry.compiles is None
+    cells = [{"comparator": "polytope", "learner": "mine"}]
+    assert [part.__name__ for part in compile_ahead.parts(cells)] == ["proofs"]
+
+
+def test_a_name_with_a_control_character_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"names of your own .* control character"):
+        ablate(comparators={"mine\n": lambda k, seed: PolytopeComparator(k)})
