@@ -30,7 +30,7 @@ def small(monkeypatch):
     )
 
 
-@pytest.mark.parametrize("method", questions.METHODS)
+@pytest.mark.parametrize("method", dict.fromkeys((*questions.CERTIFY, *questions.METHODS)))
 def test_every_method_is_measured_the_same_way(method, small):
     cell = {
         "environment": "",
