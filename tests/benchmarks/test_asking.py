@@ -30,7 +30,7 @@ def small(monkeypatch):
     )
 
 
-@pytest.mark.parametrize("method", questions.METHODS)
+@pytest.mark.parametrize("method", dict.fromkeys((*questions.CERTIFY, *questions.METHODS)))
 def test_every_method_is_measured_the_same_way(method, small):
     cell = {
         "environment": "",
@@ -78,7 +78,7 @@ def test_the_report_says_how_many_questions():
     rows = [same | {"asked": 10 + 2 * cell["seed"]} for cell in todo]
     text = questions.report(list(zip(todo, rows, strict=True)))
     assert "How many questions will my expert have to answer?" in text
-    assert "| k = 5 | 10% | posterior | no | 14 | 18 | 100% |" in text
+    assert "| k = 5 | 10% | posterior | 14 | 18 | 100% |" in text
     assert "1.00<br>≤ 2.00" in text
     assert "\n| asked nothing | equal gaps | 0 | " in text
     assert "11 ± 13" in text  # t = 12.7 of two seeds
