@@ -9,6 +9,7 @@ from elicit.lp.region import Region
 from elicit.model.difference import tail_sums
 from elicit.model.pairs import NEAR, same_pairs
 from elicit.model.query import Answers, InconsistentAnswers
+from elicit.model.scale import Floats
 
 
 def is_empty(region: Region) -> Vertex | None:
@@ -61,6 +62,17 @@ def opposite_answers(answers: Answers, first: int) -> tuple[int, int] | None:
         if len(against):
             return int(told[against[0]]), int(told[new[i]])
     return None
+
+
+def exclude_opposites(rows: Floats, g: Floats | None) -> bool:
+    """Return whether a point shows that no answer is opposite to those with these rows (m, p).
+
+    The point g (p,) satisfies every answer; None: there is none. Rows of opposite answers are each
+    other's negative, up to ``NEAR`` in each entry. So a point that satisfies both, and whose
+    entries total 1, satisfies neither by more than that. It takes one product, where
+    ``opposite_answers`` looks through all answers.
+    """
+    return g is not None and bool((rows @ g > 2.0 * NEAR).all())
 
 
 def opposed(rows: tuple[int, int], answers: Answers) -> InconsistentAnswers:

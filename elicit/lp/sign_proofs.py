@@ -26,7 +26,6 @@ from elicit.lp.primal_simplex import (
     DOUBTFUL_VERTEX,
     ROW,
     USED,
-    VERTEX,
     Known,
     multipliers,
     walk,
@@ -96,6 +95,13 @@ def prove(t: Any, certificate: Any, known: Known, verdicts: Any, tiers: Any) -> 
                 verdict, certified = side, below_by_row(s, side, row, rows, lifted, certificate)
         if verdict == LEFT_OPEN:
             verdict, tier = search(s, known)
+            if wanted and tier == BY_SIMPLEX and verdict in (BETTER, WORSE):
+                # the vertex where the walk ended is known now
+                again, vertex = by_known_vertices(
+                    s, doubt, side, counts[USED], vertices, at, y, rest
+                )
+                if again == verdict:
+                    certified = below_by_vertex(s, verdict, y, rest, vertex, known, certificate)
         verdicts[i], tiers[i] = verdict, tier
         if certified:
             for j in range(p):
@@ -126,16 +132,11 @@ def by_known_vertices(
     """
     margin, cuts, limits, points, inverses, active, kind = vertices
     above, below = signs_at_points(t, doubt, side, points, kind, at[:used])
-    lowest, highest = outermost(at[:used], kind, False)
-    if (
-        lowest == NOWHERE
-        or kind[lowest] != VERTEX
-        or kind[highest] != VERTEX
-        or not (above or below)
-    ):
-        return LEFT_OPEN, NOWHERE
     if above and below:
         return UNKNOWN, NOWHERE
+    lowest, highest = outermost(at[:used], kind, True)
+    if lowest == NOWHERE or not (above or below):
+        return LEFT_OPEN, NOWHERE
     sign, best = (1, lowest) if above else (-1, highest)
     for j in range(len(t)):
         rest[j] = sign * t[j]
@@ -325,8 +326,8 @@ def below_by_vertex(
 ) -> bool:
     """Write a certificate from the multipliers y (p,) of a vertex.
 
-    The multipliers leave ``rest`` (p,) of side * t. The certificate allows that rest to fall by
-    half of its least entry. Return whether there is a certificate.
+    The multipliers leave ``rest`` (p,) of side * t. The certificate allows that rest to fall to
+    almost nothing: what is left exceeds every rounding. Return whether there is a certificate.
     """
     p = len(t)
     size, gained, weight, least = largest(t), 0.0, 0.0, rest[0]
@@ -337,8 +338,9 @@ def below_by_vertex(
         if active >= p and y[i + 1] > 0.0:
             weight += y[i + 1]
             gained += y[i + 1] * known.limits[active - p]
-    if not (gained >= 0.0 and least > 16.0 * rounding_of(2 * p, 4.0 * size + 6.0 * weight)):
+    doubt = rounding_of(2 * p, 4.0 * size + 6.0 * weight)
+    if not (gained >= 0.0 and least > 16.0 * doubt):
         return False
     for j in range(p):
-        certificate[j] = side * t[j] - rest[j] + 0.5 * least
+        certificate[j] = side * t[j] - rest[j] + 8.0 * doubt
     return True

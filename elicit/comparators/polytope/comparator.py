@@ -21,7 +21,12 @@ from elicit.comparators.polytope.plausible_set import Empty, PlausibleSet
 from elicit.decision.verdicts import decide_by_rule
 from elicit.lp.analytic_centre import analytic_centre
 from elicit.lp.hit_and_run import Draws, draws_within
-from elicit.lp.infeasibility import contradiction, opposed, opposite_answers
+from elicit.lp.infeasibility import (
+    contradiction,
+    exclude_opposites,
+    opposed,
+    opposite_answers,
+)
 from elicit.lp.prior_inequalities import Prior, PriorLike, as_prior
 from elicit.lp.region import Region, answer_rows, prior_rows
 from elicit.model.comparator import (
@@ -210,12 +215,14 @@ class PolytopeComparator:
                 )
                 raise too_many_wrong(blank, loose, new.answers, self.wrong)
             return new
-        if (rows := opposite_answers(new.answers, len(self.answers))) is not None:
-            raise opposed(rows, new.answers)
+        rows, limits, owner = answer_rows(answers, len(self.answers), self.tie)
         try:
-            new._set = self._set.cut(*answer_rows(answers, len(self.answers), self.tie))
+            new._set = self._set.cut(rows, limits, owner)
         except Empty as empty:
+            _refuse_opposite(new.answers, len(self.answers))
             raise contradiction(empty.region, empty.proof, new.answers) from None
+        if not exclude_opposites(rows[limits == 0], new._set.inside):
+            _refuse_opposite(new.answers, len(self.answers))
         if self._with_wider_ties is self._set and (self.tie == 0 or (answers.y != 0).all()):
             new._with_wider_ties = new._set
         else:
@@ -396,6 +403,12 @@ class PolytopeComparator:
                 f"with wrong={self.wrong} the plausible scales are a union of {len(self._cells.parts)} polytopes, and "  # noqa: E501
                 f"{what} is of one: take that of each of comparator.cells"
             )
+
+
+def _refuse_opposite(answers: Answers, first: int) -> None:
+    """Raise InconsistentAnswers if an answer from row ``first`` on is opposite to another one."""
+    if (rows := opposite_answers(answers, first)) is not None:
+        raise opposed(rows, answers)
 
 
 def _check_margin(margin: float, k: int) -> float:

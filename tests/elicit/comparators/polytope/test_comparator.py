@@ -565,6 +565,22 @@ def test_opposite_answers_to_one_pair_are_a_contradiction_and_no_tie(scale: floa
     ]  # "equal" only means that it is close
 
 
+@pytest.mark.parametrize("apart", [5e-10, -5e-10, 2e-8])
+def test_answers_are_opposite_if_their_pairs_are_as_near_as_one_pair_is_to_itself(
+    apart: float,
+) -> None:
+    t = np.array([0.75, -0.5, 0.25])
+    answers = Answers([from_tails(t), from_tails(t - apart)], [1, -1])
+    if apart > 1e-9:  # scales that fit both are few, but they are
+        known = PolytopeComparator(4).update(answers)
+        assert known.compare(from_tails(t)).tolist() == [BETTER]
+        return
+    with pytest.raises(InconsistentAnswers, match="one of them is wrong"):
+        PolytopeComparator(4).update(answers)
+    with pytest.raises(InconsistentAnswers, match="one of them is wrong"):
+        PolytopeComparator(4).update(answers[:1]).update(answers[1:])
+
+
 def test_a_contradiction_goes_by_its_documented_name() -> None:
     d = np.array([from_tails(t) for t in ([1.0, -2.0], [-2.0, 1.0])])
     with pytest.raises(InconsistentAnswers) as caught:
