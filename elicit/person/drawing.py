@@ -30,6 +30,9 @@ from elicit.tutors.answer_log import Entry
 MINUTES = (5, 10, 20)
 """Minutes that the welcome offers."""
 
+_IF_MEANT = ", if every answer is meant as it was given"
+_ONLY_IF_MEANT = "This holds only if every answer is meant as it was given."
+
 
 class Drawing:
     """Draws what only reads a session: the welcome, a conflict, the end, the report, the tables.
@@ -334,6 +337,8 @@ class Drawing:
             if_meant = f"If every answer is meant as it was given: {found.headline} {found.sure}"
             said.append(if_meant.strip())
             sure = before = ""
+        if caution is not None and changes is not None:
+            changes = replace(changes, note=f"{_ONLY_IF_MEANT} {changes.note}")
         scale = (
             []
             if known is None
@@ -354,7 +359,9 @@ class Drawing:
             else None,
             "scale": scale,
             "by_chance": conduct.by_chance if subject.least else "",
-            "certainty": None if known is None else certainty(known),
+            "certainty": None
+            if known is None
+            else f"{certainty(known)}{'' if caution is None else _IF_MEANT}",
             "statements": [
                 *map(printable, said),
                 *map(printable, subject.report(session.result())),

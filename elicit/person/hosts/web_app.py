@@ -84,6 +84,11 @@ _CLOSED_DOOR = f"""<!doctype html>
 """
 
 _FAILED = "the page of %s: the message %r could not be answered: %s"
+_CUT_SHORT = "the page of %s: the program ended while the message %r was being answered"
+_ENDED = (
+    "The program was stopped while this was worked out. All answers that were saved are safe. "
+    "Once it runs again, open its new address, or press Try again here."
+)
 _WENT_WRONG = "Something went wrong in the program. All answers that were saved are safe."
 _NEXT_FAILED = "Your answer is saved, but what comes next could not be worked out."
 _IF_AGAIN = (
@@ -329,6 +334,11 @@ async def _reply(interview: Takes, message: dict[str, Any], at_once: CapacityLim
     try:
         reply = await to_thread.run_sync(_handled, interview, message, limiter=at_once)
         return Response(json.dumps(reply), media_type="application/json")
+    except asyncio.CancelledError:
+        # the program ends, and waits no longer for what takes long, such as compiling at first;
+        # without a reply the server would send a bare "Internal Server Error", and say nothing here
+        _log.warning(_CUT_SHORT, interview.who, message.get("do"))
+        return _error(503, _ENDED, saved=True)
     except BadLog as error:
         _log.error("%s", error)
         return _error(
@@ -384,7 +394,7 @@ async def _refused(request: Request, error: Exception) -> Response:
 
 
 def _error(status: int, text: str, headers: Any = None, saved: bool = False) -> Response:
-    """Return an error in words; ``saved``: what was sent is saved all the same."""
+    """Return an error in words; ``saved``: what was sent is, or may be, saved all the same."""
     told = {"error": text, **({"saved": True} if saved else {})}
     return Response(json.dumps(told), status, headers, "application/json")
 

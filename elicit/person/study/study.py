@@ -141,13 +141,15 @@ class Study(Closing):
                 for who, now in found.items()
                 if answers[who] and now.comparator is not None
             }
-            turns = self._company.turns
-            turns.take(lambda: False)
+            entries = {who: found[who].entries for who in known}
+            turns, several = self._company.turns, len(known) > 1
+            if several:  # otherwise there is nothing to compute, and so nothing to wait for
+                turns.take(lambda: False)
             try:
-                entries = {who: found[who].entries for who in known}
                 reply = agreed_so_far(known, entries, self._subject.labels)
             finally:
-                turns.leave()
+                if several:
+                    turns.leave()
             self._agreed = key, reply
             return reply
 

@@ -98,6 +98,9 @@ def test_one_who_always_says_the_same_gets_an_end_that_says_so(choice: str) -> N
     assert screen["stage"] == "end"
     assert stages.count("question") <= MOST
     assert screen["end"]["caution"]
+    assert screen["end"]["certainty"].endswith(", if every answer is meant as it was given")
+    if changes := screen["end"]["changes"]:
+        assert changes["note"].startswith("This holds only if every answer is meant")
     assert not screen["end"]["settled"]
     assert "settled" not in screen["end"]["headline"] or "not" in screen["end"]["headline"]
 

@@ -11,7 +11,7 @@ const COLOURS = [[127, 39, 4], [217, 95, 14], [254, 196, 79], [198, 219, 239], [
 const NUMBERS = ["no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"];
 
 // Draw an interview into the element `root`; `send(message)` promises the reply, or rejects with an Error whose message
-// says what the person can do, and whose `saved` is true if the message is saved and only the reply is missing. What may differ between hosts: `keys`, the target that hears the keyboard; `later`, how
+// says what the person can do, and whose `saved` is true if the message is, or may be, saved and only the reply is missing. What may differ between hosts: `keys`, the target that hears the keyboard; `later`, how
 // to go on another day; `where`, where answers are saved; `seen`, a title and a sentence on who sees them;
 // `titled(text)`, told where the person is. Returns a function that takes all of it away.
 export function mount(root, send, options = {}) {

@@ -1,6 +1,8 @@
 """A failure while a question is chosen loses nothing, is reported, and can be tried again."""
 
+import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from typing import Any
 from unittest.mock import MagicMock
@@ -9,7 +11,7 @@ import numpy as np
 import pytest
 
 from elicit import AnswerLog, PolytopeComparator, Session, Subject, choose
-from elicit.person.hosts import web_app
+from elicit.person.hosts import web, web_app
 from elicit.person.hosts.study_web import StudyServer
 from elicit.person.hosts.web import WebServer
 from elicit.person.interview import Interview, SavedWithoutScreen
@@ -175,3 +177,31 @@ def test_what_fails_outside_an_interview_is_reported_too(
         assert visitor.fetch("GET", "/", cookie=visitor.cookie)[0] == 500
     assert "a request for / could not be answered" in caplog.text
     assert "planted" in caplog.text
+
+
+def test_a_program_that_ends_while_somebody_waits_says_so(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """As while code is compiled for the first screen, which takes longer than the server waits."""
+    monkeypatch.setattr(web, "_FAREWELL", 0.1)
+    begun, go_on = threading.Event(), threading.Event()
+
+    def waits(interview: Interview, message: Any) -> Any:
+        begun.set()
+        go_on.wait(30)
+        return {}
+
+    with Session(Broken, AnswerLog(k=4, who="ann"), who="ann") as session:
+        server = WebServer(session, SUBJECT)
+        visitor = Visitor(server.new_address())
+        monkeypatch.setattr(Interview, "handle", waits)
+        with ThreadPoolExecutor(1) as pool:
+            posted = pool.submit(visitor.post, {"do": "state"})
+            assert begun.wait(30)
+            server.close()
+            status, reply = posted.result(30)
+            go_on.set()
+    assert (status, reply["saved"]) == (503, True)
+    assert reply["error"].startswith("The program was stopped while this was worked out.")
+    assert "Try again" in reply["error"]
+    assert "the page of ann: the program ended while the message 'state'" in caplog.text
