@@ -169,15 +169,15 @@ class Drawing:
         What the result could then lose is not said: people took the choice that lost least, and
         not the one they meant.
         """
-        dropped = after.of > after.used
-        kept = f"Keeps {after.used} of {after.of} answers." if dropped else ""
+        n = after.of - after.used
+        kept = f"It leaves {n} {'answer' if n == 1 else 'answers'} out." if n > 0 else ""
         if not isinstance(after.asker, Compares):
             return kept
         names = [printable(self._subject.labels[i]) for i in levels]
         worth = [
-            f"Then “{row.label}” is worth {row.low:.0f} to {row.high:.0f}."
+            f"“{row.label}” would be worth {row.low:.0f} to {row.high:.0f}."
             if (row.low, row.high) != (0.0, 100.0)
-            else f"Then “{row.label}” can be worth anything."
+            else f"“{row.label}” would still be open (0 to 100)."
             for row in scale_rows(after.asker.comparator, self._subject.labels)
             if row.label in names
         ]

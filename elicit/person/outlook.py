@@ -251,8 +251,8 @@ def what_is_open(shown: Shown, comparator: Comparator) -> str | None:
     measure = f"on a scale from 0 (all {labels[0]}) to 100 (all {labels[-1]})"
     if least < 0 < most:
         return (
-            f"We don't yet know which of the two you prefer. So far A may be up to {_up(most)} "
-            f"better than B, or up to {_up(-least)} worse{sure}, {measure}."
+            f"We don't yet know which of the two you prefer. So far A is between {_up(-least)} "
+            f"worse and {_up(most)} better than B{sure}, {measure}."
         )
     near, far = sorted((abs(least), abs(most)))
     return (

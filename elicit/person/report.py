@@ -18,41 +18,49 @@ _COLOURS = (
     (8, 81, 156),
 )
 STYLE = """
-body { margin: 2rem auto; max-width: 52rem; padding: 0 1rem; color: #14202b; background: #fff;
+:root { --ink: #14202b; --soft: #4a5864; --line: #d9e0e6; --edge: #c9d2da; --back: #fff; --link: #0b4f8a;
+  --warn: #b45f00; --warn-tint: #fff4dc; color-scheme: light dark; }
+@media screen and (prefers-color-scheme: dark) {
+  :root { --ink: #e8eef3; --soft: #aab8c4; --line: #3a4854; --edge: #3a4854; --back: #10161c; --link: #8cc4f5;
+    --warn: #e0923a; --warn-tint: #3a2a12; }
+  svg rect, svg circle[r="6"] { stroke: #97a5b1; }
+}
+svg text { fill: var(--soft); } svg line { stroke: var(--line); }
+body { margin: 2rem auto; max-width: 52rem; padding: 0 1rem; color: var(--ink); background: var(--back);
   font: 16px/1.45 system-ui, -apple-system, "Segoe UI", "DejaVu Sans", sans-serif; overflow-wrap: anywhere; }
 h1 { font-size: 1.6rem; line-height: 1.25; margin: 0; } h2 { font-size: 1.15rem; margin: 1.8rem 0 .4rem; }
-p, ul { margin: .4rem 0; } .soft { color: #4a5864; }
+p, ul { margin: .4rem 0; } .soft { color: var(--soft); }
 table { border-collapse: collapse; table-layout: fixed; width: 100%; font-variant-numeric: tabular-nums; }
-caption { text-align: left; color: #4a5864; padding-bottom: .4rem; }
+caption { text-align: left; color: var(--soft); padding-bottom: .4rem; }
 th, td { box-sizing: border-box; text-align: left; vertical-align: top; font-weight: 400; padding: .3rem .6rem;
-  border-top: 1px solid #d9e0e6; }
-thead th, thead td { font-size: .85rem; color: #4a5864; border-top: 0; vertical-align: bottom; }
+  border-top: 1px solid var(--line); }
+thead th, thead td { font-size: .85rem; color: var(--soft); border-top: 0; vertical-align: bottom; }
 .number { text-align: right; } .guess { width: 12%; } .range { width: 16%; } .drawn { width: 48%; padding: 0 1.2rem; }
 .scale tbody * { vertical-align: middle; } .nr { width: 3.2rem; overflow-wrap: normal; } .when { width: 11.2rem; } .remarks { width: 28%; }
 .levels th { width: 34%; }
 svg { display: block; width: 100%; overflow: visible; }
-.conflict { border: 1.5px solid #b45f00; background: #fff4dc; border-radius: 8px; padding: .2rem 1rem;
+.conflict { border: 1.5px solid var(--warn); background: var(--warn-tint); border-radius: 8px; padding: .2rem 1rem;
   margin: .8rem 0; }
 .shown { font-size: .85rem; }
 .headline { font-size: 1.35rem; font-weight: 700; line-height: 1.3; margin-top: 1rem; }
-.caution { border-left: 4px solid #b45f00; background: #fff4dc; padding: .4rem .8rem; }
-dl { display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1rem; font-size: .85rem; color: #4a5864; }
+.caution { border-left: 4px solid var(--warn); background: var(--warn-tint); padding: .4rem .8rem; }
+dl { display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1rem; font-size: .85rem; color: var(--soft); }
 dd { margin: 0; overflow-wrap: anywhere; }
-.log { border-top: 1px solid #c9d2da; margin-top: 2rem; padding-top: .6rem; font-size: .85rem; }
-summary { cursor: pointer; color: #0b4f8a; padding: .3rem 0; } details > table { margin-top: .4rem; }
+.log { border-top: 1px solid var(--edge); margin-top: 2rem; padding-top: .6rem; font-size: .85rem; }
+summary { cursor: pointer; color: var(--link); padding: .3rem 0; } details > table { margin-top: .4rem; }
 @media (min-width: 44rem) { .wide { table-layout: auto; } .wide th, .wide td { overflow-wrap: break-word; } }
 @media (max-width: 34rem) {
   body { margin-top: 1rem; } table { font-size: .9rem; } th, td { padding: .3rem .2rem; }
   .scale, .scale thead, .scale tbody, .scale caption, .answers, .answers tbody { display: block; }
-  .scale tr { display: grid; grid-template-columns: minmax(0, 1fr) 5.5rem 6rem; border-top: 1px solid #d9e0e6; }
+  .scale tr { display: grid; grid-template-columns: minmax(0, 1fr) 5.5rem 6rem; border-top: 1px solid var(--line); }
   .scale thead tr { border-top: 0; } .scale th, .scale td { border-top: 0; width: auto; }
   .scale .drawn { grid-row: 2; grid-column: 1 / -1; padding: 0 .8rem; } .scale tbody .drawn { margin-top: -.5rem; }
   .answers thead, .many thead { display: none; } .many, .many tbody { display: block; }
-  .many tr { display: grid; grid-template-columns: 1fr 1fr; gap: 0 1.2rem; padding: .4rem 0; border-top: 1px solid #d9e0e6; }
+  .many tr { display: grid; grid-template-columns: 1fr 1fr; gap: 0 1.2rem; padding: .4rem 0; border-top: 1px solid var(--line); }
   .many td { border-top: 0; padding: .1rem 0; display: flex; justify-content: space-between; gap: .6rem; }
   .many td:first-child { grid-column: 1 / -1; font-weight: 600; }
-  .many td:not(:first-child)::before { content: attr(data-head); color: #4a5864; }
-  .answers tr { display: grid; grid-template-columns: 2.2rem minmax(0, 1fr); border-top: 1px solid #d9e0e6; }
+  .many td:not(:first-child)::before { content: attr(data-head); color: var(--soft); }
+  .answers tr { display: grid; grid-template-columns: 2.2rem minmax(0, 1fr); border-top: 1px solid var(--line); }
   .answers td { border-top: 0; padding: .1rem .2rem; } .answers td:nth-child(n+3) { grid-column: 2; }
   .answers td:empty { display: none; }
 }
@@ -248,12 +256,19 @@ def counted(counts: Mapping[str, int]) -> str:
     return f"{found.sentence} {found.checks}".strip()
 
 
+def _known(row: Mapping[str, Any]) -> bool:
+    """Return True if the answers say anything about a level."""
+    return bool(row.get("asked", True)) and (row["low"] > 0 or row["high"] < 100)
+
+
 def _scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> Iterator[str]:
     said = (
         "Values go from 0, the worst level, to 100, the best. A level at 60 is as good to you as "
-        "60 of 100 at the best level and 40 at the worst. The bar is what is still possible, and "
-        "the dot is the best guess. A dashed bar is a level that is still unknown."
+        "60 of 100 at the best level and 40 at the worst. The bar is the range, and the dot is the "
+        "best guess."
     )
+    if not all(_known(row) for row in rows):
+        said += " A dashed bar is a level that is still unknown."
     yield f'<table class="scale">\n<caption>{said} The ranges hold {escaped(certainty)}.</caption>'
     marks = "".join(f'<text x="{x}%" y="14" text-anchor="middle">{x}</text>' for x in (0, 50, 100))
     axis = f'<svg height="18" font-size="13" fill="#4a5864" aria-hidden="true">{marks}</svg>'
@@ -266,7 +281,7 @@ def _scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> Iterator[str]:
     for i, row in enumerate(rows):
         low, high = row["low"], row["high"]
         between = "fixed" if low == high else f"{low:.0f} to {high:.0f}"
-        known = row.get("asked", True) and (low > 0 or high < 100)
+        known = _known(row)
         colour = colour_of(1.0 - i / max(1, len(rows) - 1)) if known else None
         picture = interval_picture(low, row["value"], high, colour)
         guess = f"{row['value']:.0f}" if known else "unknown"

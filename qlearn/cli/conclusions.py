@@ -91,7 +91,7 @@ def policy_conclusion(
     differing = _differing(mdp, result)
     return Conclusion(
         headline=headline,
-        sure=_sure(result),
+        sure=f"{_sure(result)} {_COMPARES}",
         next=after,
         more=more,
         before=unasked,
@@ -101,6 +101,9 @@ def policy_conclusion(
         early=f"So far, compared with your ideal plan, your plan loses at most {most}. Your "
         "answers are not checked yet.",
     )
+
+
+_COMPARES = "The loss compares what outcomes are worth to you. It does not predict any."
 
 
 class _Differing(NamedTuple):
@@ -163,7 +166,8 @@ def _changes(
         f"Still open in {rest} of {live} {told.states}",
         ("State", "With equal steps", "By the best guess so far"),
         perhaps,
-        "Here the best guess so far differs from equal steps, but your answers do not decide it.",
+        "Here the best guess so far differs from equal steps, but your answers do not decide it."
+        + (" It matters too little to ask more." if result.loss_bound <= told.tolerance else ""),
         "open state",
     )
     return ResultTable(

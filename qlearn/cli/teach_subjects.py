@@ -203,14 +203,7 @@ def _facts(
     limits = [assumed[comparator]] if comparator in assumed else []
     limits.append("Only the outcomes that were shown are compared, and nothing else about them.")
     if name == "icu-sepsis":
-        limits.append(
-            "The plan comes from a statistical model of recorded treatments, and is not clinically "
-            "plausible in every state."
-        )
-        limits.append(
-            "“As if patients died” gives lost value a size that is easy to picture. It does not "
-            "predict deaths."
-        )
+        limits.append("“As if patients died” gives lost value a size that is easy to picture.")
     if like:
         people = f"{len(like)} earlier {'person' if len(like) == 1 else 'people'}"
         more = (*more, ("Prior", f"learned from {people}: {', '.join(map(str, like))}"))
@@ -253,6 +246,8 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
         "middle conditions are quarters of the patients in the data, not clinical categories."
     )
     legend = (
+        "Not advice for treatment: the plan comes from a statistical model of recorded "
+        "treatments. In many states it is not what a doctor would do. "
         "A state is a cluster of similar patients. Doses are for 4 hours: low, medium, high and "
         "very high are quarters of the doses given."
     )

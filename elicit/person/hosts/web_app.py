@@ -49,8 +49,8 @@ _HEADERS = {
     "permissions-policy": "camera=(), geolocation=(), microphone=()",
 }
 NOT_LET_IN = (
-    "To open it here, press Enter in the terminal where the program runs, and open the address "
-    "that it prints then."
+    "If somebody sent you this address, ask them for a new one. If the program runs on this "
+    "computer, press Enter in its terminal, and open the address that it prints then."
 )
 _CLOSED_STYLE = "closed.css"
 """The one file that everybody may read: the looks of the page for whoever is not let in."""
@@ -96,9 +96,11 @@ _IF_AGAIN = (
     "it runs."
 )
 _WHY = (
-    "Each address lets in one browser, once. If the program was stopped, start it again with the "
-    "same command. All answers are kept."
+    "Each address lets in one browser, once. If the program was stopped, it has to be started "
+    "again with the same command. All answers are kept."
 )
+_DAYS = 30
+"""How long a browser stays let in, also if it is closed meanwhile: people are told to come back."""
 
 _log = logging.getLogger(__name__)
 
@@ -291,6 +293,7 @@ class _Guarded:
             self._door.cookie,
             self._door.secret,
             path=self._door.path,
+            max_age=_DAYS * 86_400,
             httponly=True,
             samesite="strict",
         )

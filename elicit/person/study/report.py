@@ -23,16 +23,16 @@ _MORE_STYLE = """
 .wide { overflow-x: auto; } .wide table { table-layout: auto; } .wide td { white-space: nowrap; }
 .wide th { overflow-wrap: normal; }
 .each td, .each th { border-top: 0; padding: .1rem .6rem; vertical-align: middle; overflow-wrap: anywhere; }
-.each .level { border-top: 1px solid #d9e0e6; font-weight: 600; padding-top: .5rem; }
+.each .level { border-top: 1px solid var(--line); font-weight: 600; padding-top: .5rem; }
 .each .name { width: 22%; } .each .drawn { width: auto; } .each .number { width: 28%; }
 .mark { font-weight: 600; }
-blockquote { margin: .4rem 0; padding: .1rem .9rem; border-left: 3px solid #c9d2da; }
+blockquote { margin: .4rem 0; padding: .1rem .9rem; border-left: 3px solid var(--edge); }
 @media (max-width: 34rem) { .each td, .each th { padding: .1rem .2rem; } .each .drawn { padding: 0 .7rem; } }
 """  # noqa: E501
 _SCALES = (
     "Values go from 0, the worst level, to 100, the best. A level at 60 is as good to the person "
-    "as 60 of 100 at the best level and 40 at the worst. The bar is what is still possible, and "
-    "the dot is the best guess. A dashed bar is a level that none of the person's answers is about."
+    "as 60 of 100 at the best level and 40 at the worst. The bar is the range, and the dot is the "
+    "best guess. A dashed bar is a level that none of the person's answers is about."
 )
 
 

@@ -88,10 +88,10 @@ def test_why_of_other_questions_is_in_terms_of_the_sides_shown() -> None:
         shown = show(Query("q", [0.4, 0, 0.6, 0], [0, 0.7, 0, 0.3], labels=labels), seed=seed)
         said[shown.swapped] = what_is_open(shown, knows)
     measure = ", on a scale from 0 (all died) to 100 (all well)."
-    start = "We don't yet know which of the two you prefer. So far A may be up to "
+    start = "We don't yet know which of the two you prefer. So far A is between "
     assert said == {
-        False: f"{start}30 better than B, or up to 40 worse{measure}",
-        True: f"{start}40 better than B, or up to 30 worse{measure}",
+        False: f"{start}40 worse and 30 better than B{measure}",
+        True: f"{start}30 worse and 40 better than B{measure}",
     }
     sure = show(Query("q", [0, 0, 0.1, 0.9], [0.5, 0.5, 0, 0], labels=labels))
     assert what_is_open(sure, knows) == (

@@ -536,8 +536,8 @@ def test_choices_of_a_conflict_say_what_each_leaves(
     typed = "".join(f"{chance.choice('ab')}\n" for _ in range(60))
     _, shown, _ = taught(typed, monkeypatch, capsys, table, "--comparator", "polytope")
     said = " ".join(shown.split())
-    worth = r"Then “ill” (is worth \d+ to \d+|can be worth anything)\."
-    assert re.search(rf"1: [^:]+?\. {worth}( Keeps \d+ of \d+ answers\.)?", said)
+    worth = r"“ill” would (be worth \d+ to \d+|still be open \(0 to 100\))\."
+    assert re.search(rf"1: [^:]+?\. {worth}( It leaves \d+ answers? out\.)?", said)
 
 
 def test_words_that_a_table_lacks_are_asked_for_and_written_beside_it(

@@ -11,16 +11,18 @@ const COLOURS = [[127, 39, 4], [217, 95, 14], [254, 196, 79], [198, 219, 239], [
 const NUMBERS = ["no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"];
 
 // Draw an interview into the element `root`; `send(message)` promises the reply, or rejects with an Error whose message
-// says what the person can do, and whose `saved` is true if the message is, or may be, saved and only the reply is missing. What may differ between hosts: `keys`, the target that hears the keyboard; `later`, how
-// to go on another day; `where`, where answers are saved; `seen`, a title and a sentence on who sees them;
+// says what the person can do, and whose `saved` is true if the message is, or may be, saved and only the reply is
+// missing. What may differ between hosts: `keys`, the target that hears the keyboard; `goesBack`, whether the browser's
+// Back closes what is looked at beside a question; `later`, how to go on another day; `where`, where answers are saved; `seen`, a title and a sentence on who sees them;
 // `titled(text)`, told where the person is. Returns a function that takes all of it away.
 export function mount(root, send, options = {}) {
   const {
     keys = root,
+    goesBack = false,
     later = "To go on, come back to this page in the same browser. If it no longer opens, ask whoever gave you its address for " +
       "a new one, or start the same command again. It continues where you are now.",
-    where = "on this computer",
-    seen = ["It stays here.", "Your answers are saved on this computer. Others see them only if you share them."],
+    where = "where the program runs",
+    seen = ["It stays there.", "Your answers are saved on the computer where this program runs, and are sent nowhere else."],
     titled = () => {},
   } = options;
   let screen = null; // the last one drawn
@@ -54,6 +56,7 @@ export function mount(root, send, options = {}) {
     part("div", "foot", {}, [part("div", "wrap", {}, [saved, nav])]),
   ]);
   hide(banner);
+  sheet.dataset.letters = letters ? "on" : "off";
   root.classList.add("elicit");
   root.replaceChildren(sheet);
 
@@ -117,6 +120,7 @@ export function mount(root, send, options = {}) {
   const list = () =>
     act(async () => {
       listed = await send({ do: "answers" });
+      enter();
       view = "answers";
     });
 
@@ -141,8 +145,23 @@ export function mount(root, send, options = {}) {
     });
 
   function look(at) {
+    if (at !== "stage") enter();
     view = at;
     draw(true);
+  }
+
+  // What is looked at beside the question has a place of its own in the browser's history.
+  function enter() {
+    if (goesBack && view === "stage") history.pushState({ beside: true }, "");
+  }
+
+  function closeBeside() {
+    if (goesBack && history.state?.beside) history.back();
+    else look("stage");
+  }
+
+  function wentBack() {
+    if (view !== "stage" && !busy) look("stage");
   }
 
   // What another window or the phone did meanwhile is drawn when the person comes back to this one.
@@ -247,6 +266,7 @@ export function mount(root, send, options = {}) {
     const made = button("link", letters ? "Letter keys: on" : "Letter keys: off", () => {
       letters = !letters;
       remember(letters);
+      sheet.dataset.letters = letters ? "on" : "off";
       foot();
       enable(true);
       nav.querySelector(".letters")?.focus();
@@ -306,7 +326,7 @@ export function mount(root, send, options = {}) {
     left.append(part("section", "panel", {}, [part("h2", "", {}, ["The levels, best to worst"]), ...legendOf()]));
     const form = part("section", "panel form", {}, [
       part("label", "strong", { for: "elicit-who" }, [known ? "Your name" : "Your name or initials (optional)"]),
-      part("p", "soft small", {}, [known ? "Printed on your report." : "Printed on your report. A made-up name is fine."]),
+      part("p", "soft small", {}, [known ? "Printed on your report. It was given when the program was started." : "Printed on your report. A made-up name is fine."]),
       who,
       part("fieldset", "", {}, [part("legend", "strong", {}, ["How much time do you have?"]), ...radios]),
       part("p", "soft small simulated", {}, []),
@@ -412,7 +432,7 @@ export function mount(root, send, options = {}) {
     });
     const grid = part("div", said.length === 1 ? "" : "columns even", {}, cards);
     const parts = [part("p", "soft", {}, [text]), grid, part("div", "mid options", {}, buttons)];
-    parts.push(part("p", "soft small", {}, ["Nothing is deleted. You can change this under “Your answers”."]));
+    parts.push(part("p", "soft small", {}, ["Nothing is deleted. What you keep now can be taken back under “Your answers”."]));
     return [{ heading: [heading], name: "Please check", more: "" }, ...parts];
   }
 
@@ -457,7 +477,8 @@ export function mount(root, send, options = {}) {
       say(place, i === places.length - 1 ? settled : budgets[i] || none);
     }
     const simulated = body.querySelector(".simulated");
-    if (simulated) say(simulated, budgets.length ? SIMULATED : "");
+    const nothing = ready && !budgets.length && !settled ? UNFORESEEN : "";
+    if (simulated) say(simulated, budgets.length ? SIMULATED : nothing);
   }
 
   function end() {
@@ -533,7 +554,7 @@ export function mount(root, send, options = {}) {
       part("tbody", "", { role: "rowgroup" }, lines),
     ]);
     const label = part("label", "", { for: id }, ["Filter the table "]);
-    const scrolls = part("div", "scrolls", { tabindex: "0", role: "region", "aria-label": title }, [table]);
+    const scrolls = part("div", rows.length > FEW ? "scrolls" : "scrolls all", { tabindex: "0", role: "region", "aria-label": title }, [table]);
     const words = rows.length === 1 ? `Show the ${of}` : `Show the ${rows.length} ${of}s`;
     const filter = rows.length > FEW ? [part("div", "filter", {}, [label, field, found])] : [];
     return part("details", "panel", {}, [part("summary", "", {}, [words]), ...said, ...filter, scrolls]);
@@ -593,7 +614,7 @@ export function mount(root, send, options = {}) {
 
   function returning() {
     const words = { end: "Back to the result", welcome: "Back" }[screen.stage] ?? "Back to the question";
-    return part("div", "mid", {}, [button("pick", words, () => look("stage"))]);
+    return part("div", "mid", {}, [button("pick", words, closeBeside)]);
   }
 
   function complain() {
@@ -621,6 +642,7 @@ export function mount(root, send, options = {}) {
 
   function pressed(event) {
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    if (key === "Escape" && view !== "stage" && !busy && !failed) return closeBeside();
     const writing = event.target.closest?.("input, textarea, select, [contenteditable]");
     if (event.repeat || event.altKey || event.defaultPrevented || writing || busy || failed || view !== "stage") return;
     const control = event.ctrlKey || event.metaKey;
@@ -639,6 +661,7 @@ export function mount(root, send, options = {}) {
   keys.addEventListener("keydown", pressed);
   window.addEventListener("focus", catchUp);
   document.addEventListener("visibilitychange", catchUp);
+  if (goesBack) window.addEventListener("popstate", wentBack);
   show({ do: "state" });
   return () => {
     following += 1;
@@ -646,15 +669,17 @@ export function mount(root, send, options = {}) {
     keys.removeEventListener("keydown", pressed);
     window.removeEventListener("focus", catchUp);
     document.removeEventListener("visibilitychange", catchUp);
+    window.removeEventListener("popstate", wentBack);
     root.replaceChildren();
   };
 }
 
-const FEW = 8; // rows that need no filter
+const FEW = 12; // rows that need no filter, and are shown at once
 const NEXT = { words: "Working out what comes next ...", after: SLOW };
 const RESULT = { words: "Working out your result ...", after: 50 };
 const TRY = "Practice question: your answer is not saved.";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
+const UNFORESEEN = "How far each of these gets cannot be foreseen here. You will see it as you go.";
 const MENDS = "Withdrawing any one of them fixes it. The others stay.";
 const STAYS = "stays"; // returned by what changes nothing on the screen
 const WHEN = { dateStyle: "medium", timeStyle: "short" };
@@ -692,7 +717,8 @@ export function part(tag, name, attributes = {}, inside = []) {
 }
 
 export function button(name, words, done, key, shortcut) {
-  const hint = key ? [part("kbd", "", { "aria-hidden": "true" }, [key])] : [];
+  const kind = /^[A-Z?]$/.test(key ?? "") ? "letter" : "";
+  const hint = key ? [part("kbd", kind, { "aria-hidden": "true" }, [key])] : [];
   const made = part("button", name, { type: "button" }, [...hint, words]);
   if (shortcut) made.setAttribute("aria-keyshortcuts", shortcut);
   made.addEventListener("click", done);
@@ -762,6 +788,9 @@ export function colourOf(level, levels) {
   return `rgb(${COLOURS[low].map((x, i) => Math.round(x + (at - low) * (COLOURS[low + 1][i] - x))).join(",")})`;
 }
 
+// Whether the answers say anything about a level.
+const isKnown = ({ low, high, asked }) => asked && !(low <= 0 && high >= 100);
+
 // What the levels are worth, as a table whose middle column is a picture. A level that no answer is about is unknown.
 function worth(scale, certainty) {
   const head = ["Level", null, "Best guess", "Range"].map((words) =>
@@ -769,9 +798,10 @@ function worth(scale, certainty) {
       ? part("th", "", { scope: "col", role: "columnheader" }, [words])
       : part("td", "drawn", { role: "cell" }, [axis()]),
   );
-  const rows = scale.map(({ label, value, low, high, asked }, i) => {
+  const rows = scale.map((row, i) => {
+    const { label, value, low, high, asked } = row;
     const range = low === high ? "fixed" : `${low} to ${high}`;
-    const known = asked && !(low <= 0 && high >= 100);
+    const known = isKnown(row);
     const name = asked ? [label] : [label, part("span", "soft small never", {}, ["never asked"])];
     return part("tr", "", { role: "row" }, [
       part("th", "", { scope: "row", role: "rowheader" }, name),
@@ -784,8 +814,8 @@ function worth(scale, certainty) {
   });
   const said =
     "From 0, the worst level, to 100, the best. A level at 60 is as good to you as 60 of 100 at the best level and 40 " +
-    "at the worst. The bar is what is still possible, and the dot is the best guess. A dashed bar is a level that is " +
-    "still unknown.";
+    "at the worst. The bar is the range, and the dot is the best guess." +
+    (scale.every(isKnown) ? "" : " A dashed bar is a level that is still unknown.");
   // roles, because a narrow page lays the rows out as a grid, which takes the table's own roles away
   const table = part("table", "worth", { role: "table" }, [
     part("caption", "soft", {}, [`${said} The ranges hold ${certainty}.`]),

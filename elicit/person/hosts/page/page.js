@@ -11,6 +11,7 @@ const SHUT_OUT =
 
 mount(document.getElementById("interview"), sender(STOPPED, SHUT_OUT), {
   keys: document,
+  goesBack: true,
   titled(text) {
     document.title = text;
   },

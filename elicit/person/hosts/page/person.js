@@ -10,6 +10,7 @@ const SHUT_OUT =
 
 mount(document.getElementById("interview"), sender(STOPPED, SHUT_OUT), {
   keys: document,
+  goesBack: true,
   later: "To go on, open this page again in the same browser. If it is not open to you, ask for a new link.",
   where: "for the study",
   seen: ["This is a study.", "Whoever runs it sees your answers. The other people who answer do not."],

@@ -148,7 +148,7 @@ async function copy(who, field) {
 function agreeing({ few, levels, certainty, questions, groups, people: who }) {
   if (few) return [section("Agreement so far", [part("p", "soft", {}, [few])])];
   const said =
-    "Each level's value to each person, from 0, the worst level, to 100, the best. The bar is what is still possible, " +
+    "Each level's value to each person, from 0, the worst level, to 100, the best. The bar is the range, " +
     "and the dot is the best guess. A dashed bar is a level that none of the person's answers is about. " +
     `The ranges hold ${certainty}.`;
   const rows = levels.flatMap(({ label, each }, i) => [

@@ -182,7 +182,7 @@ def test_what_fails_outside_an_interview_is_reported_too(
 def test_a_program_that_ends_while_somebody_waits_says_so(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """A slow reply, as while code is compiled for the first screen: longer than the server waits."""
+    """A slow reply, as while code is compiled: it takes longer than the server waits."""
     monkeypatch.setattr(web, "_FAREWELL", 0.1)
     begun, go_on = threading.Event(), threading.Event()
 

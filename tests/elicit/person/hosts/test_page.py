@@ -173,7 +173,7 @@ def test_a_session_by_mouse(windows: Windows) -> None:
             at(page, f"Question {n}")
             assert page.title() == f"Question {n} - ICU-Sepsis"
             assert page.inner_text(".saved").endswith(
-                "Nothing answered yet" if n == 1 else "saved on this computer"
+                "Nothing answered yet" if n == 1 else "saved where the program runs"
             )
             click(page, truthfully(page))
         at(page, "Result")
@@ -273,6 +273,26 @@ def test_a_reload_goes_on_where_it_was(windows: Windows) -> None:
         page.goto(server.new_address())
         at(page, "Question 2")
         assert page.inner_text(".body") == before
+
+
+def test_the_browsers_back_closes_what_is_looked_at_beside_a_question(windows: Windows) -> None:
+    with served(windows.log) as server:
+        page = windows.open(server)
+        practise(page)
+        click(page, "b")
+        at(page, "Question 2")
+        for name, heading in (("Your answers", "Your answers"), ("Pause", "Paused")):
+            page.get_by_role("button", name=name).click()
+            at(page, heading)
+            page.go_back()
+            at(page, "Question 2")
+            page.get_by_role("button", name=name).click()
+            at(page, heading)
+            page.get_by_role("button", name="Back to the question").click()
+            at(page, "Question 2")
+        assert page.evaluate("history.state?.beside ?? null") is None
+        click(page, "b")
+        at(page, "Question 3")
 
 
 def test_undo_and_taking_back_an_old_answer(windows: Windows) -> None:
@@ -419,7 +439,7 @@ def test_a_failure_in_choosing_a_question_is_said_and_tried_again(
             who, where = "ann", "for the study"
         else:
             server = stack.enter_context(served(windows.log, ask=FailsOnce))
-            who, where = "a person without a name", "on this computer"
+            who, where = "a person without a name", "where the program runs"
         FailsOnce.due = 0
         page = windows.open(server, NARROW, until=".banner:visible")
         banner = page.locator(".banner:visible")
@@ -502,6 +522,25 @@ def test_what_is_computed_beside_is_asked_for_until_it_is_there(windows: Windows
         click(page, "a")
         at(page, "Question 2")
         assert "more" not in page.inner_text(".place")
+
+
+def test_the_welcome_says_if_nothing_can_be_foreseen(windows: Windows) -> None:
+    replies = [False, True]
+
+    def prospects(route: Any) -> None:
+        if route.request.post_data_json["do"] != "prospects":
+            route.continue_()
+        else:
+            ready = replies.pop(0) if len(replies) > 1 else replies[0]
+            route.fulfill(json={"budgets": [], "settled": "", "ready": ready})
+
+    with served(windows.log) as server:
+        page = windows.open(server)
+        page.route("**/api", prospects)
+        page.reload()
+        page.get_by_text("Working out what this will likely prove").first.wait_for()
+        page.get_by_text("How far each of these gets cannot be foreseen here.").wait_for()
+        assert "".join(page.locator(".likely").all_inner_texts()) == ""
 
 
 def test_the_bar_never_runs_backwards_nor_ahead_of_a_forecast_that_grows(windows: Windows) -> None:

@@ -119,7 +119,7 @@ def test_the_printed_address_lets_in_one_browser_once(server: WebServer) -> None
     assert first.fetch("GET", "/", cookie=first.cookie)[2] == b"this is page.html"
     second = Visitor(address)
     assert (second.status, second.cookie) == (403, "")
-    assert b"press Enter in the terminal" in second.fetch("GET", "/")[2]
+    assert b"press Enter in its terminal" in second.fetch("GET", "/")[2]
     third = Visitor(server.new_address())
     assert third.screen() == first.screen()
 
@@ -142,7 +142,8 @@ def test_the_cookie_is_strict_and_named_by_the_port(server: WebServer) -> None:
     _, headers, body = visitor.fetch("GET", server.new_address().split(str(server.port))[1])
     given = headers["set-cookie"]
     assert re.fullmatch(
-        rf"elicit-{server.port}=[\w-]{{43}}; HttpOnly; Path=/; SameSite=strict", given
+        rf"elicit-{server.port}=[\w-]{{43}}; HttpOnly; Max-Age=2592000; Path=/; SameSite=strict",
+        given,
     )
     assert (headers["location"], body) == ("/", b"")
 
@@ -191,7 +192,7 @@ def test_who_is_not_let_in_sees_one_sentence_on_what_to_do_and_the_looks_of_the_
     page = body.decode()
     assert (status, headers["content-type"]) == (403, "text/html; charset=utf-8")
     assert (
-        "<p>To open it here, press Enter in the terminal where the program runs, and open" in page
+        "<p>If somebody sent you this address, ask them for a new one. If the program runs" in page
     )
     assert '<link rel="stylesheet" href="closed.css">' in page
     assert 'content="light dark"' in page
