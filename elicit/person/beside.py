@@ -32,7 +32,7 @@ from elicit.person.session import Session
 from elicit.person.showing import Shown, Subject, shown_of
 from elicit.tutors.answer_log import REPEATS
 
-_CHECK = "Some questions check earlier answers. What they show makes the result surer."
+_CHECK = "Some questions check earlier answers. They show how far your answers can be relied on."
 _ORDER = "This question checks that you see the levels in the order in which they are listed."
 _FURTHER = "This question makes sure that the result does not depend on too few answers."
 _LIKELY_FIRST = (Verdict.BETTER, Verdict.WORSE, Verdict.EQUAL, None)

@@ -388,7 +388,7 @@ class Session(Closing):
         return last
 
     def withdraw(self, id: str, **metadata: Any) -> None:
-        """Take back the answer to the query of this id. The others stay and are used.
+        """Take back the answer to the query of this id, and its repeats. The others stay.
 
         Parameters
         ----------
@@ -402,7 +402,12 @@ class Session(Closing):
             If no answer of this id stands, or if the session was given an asker in place of a
             function that makes one.
         """
-        self._replayed.withdraw(id, {**self._now(), **metadata})
+        said = {**self._now(), **metadata}
+        standing = {entry.answer.query.id: entry for entry in self.log if entry.stands}
+        for other, entry in standing.items() if id in standing else ():
+            if entry.repeat and entry.metadata.get(REPEATS) == id:  # it checks what is no more
+                self._replayed.withdraw(other, said)
+        self._replayed.withdraw(id, said)
         self._put_at.clear()
 
     def settle(self, id: str, verdict: Verdict | int | None) -> None:

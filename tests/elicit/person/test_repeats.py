@@ -126,11 +126,29 @@ def test_after_the_first_was_withdrawn_it_can_be_answered_anew(path):
         answer(session)
         assert session.status().repeated >= repeats
         assert session.question() is None
-        session.withdraw(again.answer.query.id)
-        assert session.status().withdrawn == 1
+        repeats = session.status().repeated
+        another = next(entry for entry in session.log if entry.repeat and entry.stands)
+        session.withdraw(another.answer.query.id)  # and not the answer that it checks
+        assert (session.status().withdrawn, session.status().repeated) == (1, repeats - 1)
         before = told(session.log)
     with Session(make, path, audit=0.7, seed=1) as session:
         assert told(session.log) == before
+
+
+def test_a_repeat_is_taken_back_with_the_answer_that_it_checks(path):
+    with Session(make, path, audit=0.7, seed=1) as session:
+        answer(session)
+        log = session.log
+        again = next(entry for entry in log if entry.repeat)
+        first = again.metadata[REPEATS]
+        repeated, answered = session.status().repeated, session.status().answered
+        others = [e for e in log if e.answer.query.id not in (first, again.answer.query.id)]
+        session.withdraw(first)
+        assert {e.answer.query.id for e in log if e.retracted} == {first, again.answer.query.id}
+        assert all(e.stands for e in others)
+        assert session.status().repeated == repeated - 1
+        assert session.status().answered == answered - 1
+    assert [e.retracted for e in AnswerLog.read(path)] == [e.retracted for e in log]
 
 
 def test_programs_that_read_the_log_tell_them_apart(path, capsys):
