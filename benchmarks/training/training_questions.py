@@ -327,7 +327,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     publish(
         report(given.problems),
         given.out,
-        f"0-{given.problems - 1}, 0-{2 * given.problems - 1} where the tutor errs",
+        f"0-{given.problems - 1}, 0-{3 * given.problems - 1} where the tutor errs",
     )
 
 
