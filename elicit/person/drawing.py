@@ -15,7 +15,7 @@ from elicit.person.asker import Compares, Supposed
 from elicit.person.course.choices import Choices
 from elicit.person.course.conclusion import Conclusion, in_unit
 from elicit.person.course.conduct import choice_of, was_settled
-from elicit.person.course.counts import Counts, numbered
+from elicit.person.course.counts import Counts, in_answers, numbered
 from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
 from elicit.person.course.pace import Pace
@@ -30,8 +30,7 @@ from elicit.tutors.answer_log import Entry
 MINUTES = (5, 10, 20)
 """Minutes that the welcome offers."""
 
-_IF_MEANT = ", if every answer is meant as it was given"
-_ONLY_IF_MEANT = "This holds only if every answer is meant as it was given."
+_IF_MEANT = "if every answer is meant as it was given"
 
 
 class Drawing:
@@ -170,7 +169,7 @@ class Drawing:
         not the one they meant.
         """
         n = after.of - after.used
-        kept = f"It leaves {n} {'answer' if n == 1 else 'answers'} out." if n > 0 else ""
+        kept = f"It leaves {in_answers(n)} out." if n > 0 else ""
         if not isinstance(after.asker, Compares):
             return kept
         names = [printable(self._subject.labels[i]) for i in levels]
@@ -338,7 +337,7 @@ class Drawing:
             said.append(if_meant.strip())
             sure = before = ""
         if caution is not None and changes is not None:
-            changes = replace(changes, note=f"{_ONLY_IF_MEANT} {changes.note}")
+            changes = replace(changes, note=f"This holds only {_IF_MEANT}. {changes.note}")
         scale = (
             []
             if known is None
@@ -361,7 +360,7 @@ class Drawing:
             "by_chance": conduct.by_chance if subject.least else "",
             "certainty": None
             if known is None
-            else f"{certainty(known)}{'' if caution is None else _IF_MEANT}",
+            else f"{certainty(known)}{'' if caution is None else f', {_IF_MEANT}'}",
             "statements": [
                 *map(printable, said),
                 *map(printable, subject.report(session.result())),

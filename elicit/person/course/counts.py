@@ -101,8 +101,9 @@ def numbered(log: Iterable[Entry]) -> list[tuple[int | None, Entry]]:
     found: list[tuple[int | None, Entry]] = []
     n = 0
     for entry in log:
-        n += is_counted(entry)
-        found.append((n if is_counted(entry) else None, entry))
+        counts = is_counted(entry)
+        n += counts
+        found.append((n if counts else None, entry))
     return found
 
 

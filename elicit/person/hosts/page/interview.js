@@ -13,8 +13,9 @@ const NUMBERS = ["no", "one", "two", "three", "four", "five", "six", "seven", "e
 // Draw an interview into the element `root`; `send(message)` promises the reply, or rejects with an Error whose message
 // says what the person can do, and whose `saved` is true if the message is, or may be, saved and only the reply is
 // missing. What may differ between hosts: `keys`, the target that hears the keyboard; `goesBack`, whether the browser's
-// Back closes what is looked at beside a question; `later`, how to go on another day; `where`, where answers are saved; `seen`, a title and a sentence on who sees them;
-// `titled(text)`, told where the person is. Returns a function that takes all of it away.
+// Back closes what is looked at beside a question; `later`, how to go on another day; `where`, where answers are saved;
+// `seen`, a title and a sentence on who sees them; `titled(text)`, told where the person is. Returns a function that
+// takes all of it away.
 export function mount(root, send, options = {}) {
   const {
     keys = root,
@@ -56,7 +57,6 @@ export function mount(root, send, options = {}) {
     part("div", "foot", {}, [part("div", "wrap", {}, [saved, nav])]),
   ]);
   hide(banner);
-  sheet.dataset.letters = letters ? "on" : "off";
   root.classList.add("elicit");
   root.replaceChildren(sheet);
 
@@ -266,11 +266,11 @@ export function mount(root, send, options = {}) {
     const made = button("link", letters ? "Letter keys: on" : "Letter keys: off", () => {
       letters = !letters;
       remember(letters);
-      sheet.dataset.letters = letters ? "on" : "off";
       foot();
       enable(true);
       nav.querySelector(".letters")?.focus();
     });
+    sheet.dataset.letters = letters ? "on" : "off";
     made.classList.add("letters");
     made.title = "Whether the letters A, B, U and ? answer. The arrow keys always do.";
     return made;
@@ -326,7 +326,7 @@ export function mount(root, send, options = {}) {
     left.append(part("section", "panel", {}, [part("h2", "", {}, ["The levels, best to worst"]), ...legendOf()]));
     const form = part("section", "panel form", {}, [
       part("label", "strong", { for: "elicit-who" }, [known ? "Your name" : "Your name or initials (optional)"]),
-      part("p", "soft small", {}, [known ? "Printed on your report. It was given when the program was started." : "Printed on your report. A made-up name is fine."]),
+      part("p", "soft small", {}, [`Printed on your report. ${known ? GIVEN : "A made-up name is fine."}`]),
       who,
       part("fieldset", "", {}, [part("legend", "strong", {}, ["How much time do you have?"]), ...radios]),
       part("p", "soft small simulated", {}, []),
@@ -680,6 +680,7 @@ const RESULT = { words: "Working out your result ...", after: 50 };
 const TRY = "Practice question: your answer is not saved.";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
 const UNFORESEEN = "How far each of these gets cannot be foreseen here. You will see it as you go.";
+const GIVEN = "It was given when the program was started.";
 const MENDS = "Withdrawing any one of them fixes it. The others stay.";
 const STAYS = "stays"; // returned by what changes nothing on the screen
 const WHEN = { dateStyle: "medium", timeStyle: "short" };
