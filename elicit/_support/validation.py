@@ -48,7 +48,7 @@ def require(holds: bool, name: str, wanted: str, value: object) -> None:
         raise ValueError(f"{name} must be {wanted}, not {value!r}")
 
 
-def escaped(text: str) -> str:
+def with_visible_controls(text: str) -> str:
     """Return a text with its control characters in the form in which Python's source has them."""
     if text.isprintable():
         return text

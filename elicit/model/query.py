@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, SupportsIndex, TypeAlias, ove
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from elicit._support.validation import escaped
+from elicit._support.validation import with_visible_controls
 from elicit.model.difference import as_vectors
 from elicit.model.pairs import whole_numbers
 from elicit.model.scale import Floats, rounded_to_total
@@ -197,8 +197,8 @@ class Query:
         apart = factor * float(np.abs(self.d).max())
         digits = min(12, max(0, math.ceil(1.0 - math.log10(apart)))) if apart else 0
         names = self.labels or [f"level {i + 1}" for i in range(len(self.left))]
-        names = [escaped(str(name)) for name in names]
-        lines = [escaped(self.about) or "Which is better, left or right?"]
+        names = [with_visible_controls(str(name)) for name in names]
+        lines = [with_visible_controls(self.about) or "Which is better, left or right?"]
         for side, vector in (("left: ", self.left), ("right:", self.right)):
             shown = rounded_to_total(factor * vector, digits) if shares else vector
             said = [f"{share:.{digits}f}" for share in shown]

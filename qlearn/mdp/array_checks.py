@@ -141,7 +141,7 @@ def indices(name: str, given: ArrayLike, shape: tuple[int, ...], count: int) -> 
     return array
 
 
-def levels(given: ArrayLike, shape: tuple[int, int], k: int) -> Indices:
+def levels(given: ArrayLike, shape: tuple[int, int], k: int, place: Place) -> Indices:
     """Return a copy of the levels of an MDP as int32. Raise TypeError or ValueError."""
     dimensions = np.ndim(given) if isinstance(given, np.ndarray) else len(shape)
     if dimensions == len(shape) + 1:
@@ -156,7 +156,7 @@ def levels(given: ArrayLike, shape: tuple[int, int], k: int) -> Indices:
         "rewards, levels = np.unique(rewards, return_inverse=True))"
     )
     found = _int32("levels", array)
-    reject("levels", found, (found < 0) | (found >= k), wanted)
+    reject("levels", found, (found < 0) | (found >= k), wanted, words=_words(place, 0))
     return found
 
 
@@ -226,8 +226,15 @@ def _strings(name: str, given: Sequence[str], wanted: str) -> tuple[str, ...]:
     return tuple(map(str, found))
 
 
-def check_terminal_levels(levels: Indices, terminal: Flags, admissible: Flags) -> None:
-    """Raise ValueError if a terminal state has two levels."""
+def called(kind: str, number: int, names: Sequence[str] | None) -> str:
+    """Return the number of a state or an action, and its name if it has one."""
+    return f"{kind} {number}" if names is None else f"{kind} {number}, {names[number]!r}"
+
+
+def check_terminal_levels(
+    levels: Indices, terminal: Flags, admissible: Flags, states: Sequence[str] | None
+) -> None:
+    """Raise ValueError if a terminal state has two levels. ``states`` are the states' names."""
     ends = np.flatnonzero(terminal)
     levels, admissible = levels[ends], admissible[ends]
     lowest = np.where(admissible, levels, np.iinfo(np.int32).max).min(axis=1)
@@ -236,8 +243,8 @@ def check_terminal_levels(levels: Indices, terminal: Flags, admissible: Flags) -
     if bad.any():
         i = int(np.argmax(bad))
         raise ValueError(
-            f"terminal state {ends[i]} has levels {levels[i][admissible[i]].tolist()} over its "
-            "admissible actions, "
+            f"terminal {called('state', int(ends[i]), states)} has levels "
+            f"{levels[i][admissible[i]].tolist()} over its admissible actions, "
             "but its value is one level for ever: give them all the same level"
         )
 

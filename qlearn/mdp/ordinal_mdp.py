@@ -18,7 +18,7 @@ from elicit.model.scale import Floats, normalise
 from qlearn.mdp import array_checks as checks
 from qlearn.mdp import gymnasium_tables
 from qlearn.mdp import transition_tables as tables
-from qlearn.mdp.array_checks import Flags, Indices
+from qlearn.mdp.array_checks import Flags, Indices, called
 
 
 class _Parts(TypedDict, total=False):
@@ -122,7 +122,13 @@ class OrdinalMDP:
         n, m, b = probabilities.shape
         targets = checks.numbers("successors", successors, (n, m, b), whole=True)
         labels = checks.labels(labels)
-        levels = checks.levels(levels, (n, m), len(labels))
+        states = checks.names("state_names", rest.get("state_names"), n)
+        actions = checks.names("action_names", rest.get("action_names"), m)
+
+        def place(state: int, action: int) -> str:
+            return f"{called('state', state, states)}, {called('action', action, actions)}"
+
+        levels = checks.levels(levels, (n, m), len(labels), place)
         holds = is_number(discount, 0) and float(discount) < 1
         require(holds, "discount", "a number in [0, 1)", discount)
         terminal = checks.flags("terminal", rest.get("terminal"), (n,), default=False)
@@ -134,15 +140,10 @@ class OrdinalMDP:
         if not admissible.any(axis=1).all():
             s = int(np.argmin(admissible.any(axis=1)))
             raise ValueError(
-                f"state {s} has no admissible action; set at least one of admissible[{s}]"
+                f"{called('state', s, states)} has no admissible action; set at least one of "
+                f"admissible[{s}]"
             )
-        checks.check_terminal_levels(levels, terminal, admissible)
-        states = checks.names("state_names", rest.get("state_names"), n)
-        actions = checks.names("action_names", rest.get("action_names"), m)
-
-        def place(state: int, action: int) -> str:
-            return f"{_called('state', state, states)}, {_called('action', action, actions)}"
-
+        checks.check_terminal_levels(levels, terminal, admissible, states)
         successors, probabilities = checks.clean(
             targets, probabilities, terminal, admissible, place
         )
@@ -396,8 +397,3 @@ class OrdinalMDP:
         if not self.admissible.all():
             parts.append(f"{self.admissible.sum(axis=1).mean():.1f} admissible actions a state")
         return f"OrdinalMDP({', '.join(parts)})"
-
-
-def _called(kind: str, number: int, names: Sequence[str] | None) -> str:
-    """Return the number of a state or an action, and its name if it has one."""
-    return f"{kind} {number}" if names is None else f"{kind} {number}, {names[number]!r}"

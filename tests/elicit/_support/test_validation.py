@@ -12,11 +12,11 @@ import elicit
 import qlearn
 from elicit._support.validation import (
     check_printable,
-    escaped,
     is_number,
     is_range,
     is_whole,
     require,
+    with_visible_controls,
 )
 
 NONE: list[Any] = [
@@ -125,7 +125,7 @@ def test_a_control_character_is_named(bad: str) -> None:
 def test_letters_of_all_scripts_are_printable() -> None:
     texts = ["à 5\u00a0%", "بهتر", "良い", "👩\u200d⚕️", ""]
     check_printable("names", texts)
-    assert [escaped(text) for text in texts] == texts
+    assert [with_visible_controls(text) for text in texts] == texts
 
 
 def test_a_question_shows_control_characters_as_text() -> None:

@@ -263,6 +263,16 @@ P = parts()["probabilities"]
             ValueError,
             r"rounding \(state 0, action 0\)$",
         ),
+        (
+            {"levels": [[0, 1], [0, 9], [2, 2]], "state_names": ("home", "out", "end")},
+            ValueError,
+            r"levels\[1, 1\] is 9.*\(state 1, 'out', action 1\)$",
+        ),
+        (
+            {"admissible": [[1, 1], [0, 0], [1, 1]], "state_names": ("home", "out", "end")},
+            ValueError,
+            "state 1, 'out' has no admissible action",
+        ),
         ({"labels": ("a", "b\x1b[31m", "c")}, ValueError, r"control character '\\x1b': leave it"),
         ({"state_names": ("a", "b\n", "c")}, ValueError, "state_names are shown to people"),
         ({"probabilities": "many"}, TypeError, "probabilities must be an array of numbers"),
