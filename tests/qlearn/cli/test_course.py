@@ -186,11 +186,11 @@ def test_after_few_answers_only_what_holds_for_every_plausible_scale_is_claimed(
         for state, other, mine in listed:
             s, (a, b) = names[state], (int(mine), int(other))
             assert (((result.q[s, a] - result.q[s, b]) @ scales.T) > 0).all()
-        table = {row["state"]: row["change"] for row in interview.table("policy")}
+        table = {row["state"]: row["change"] for row in interview.table("plan")}
         certain = [state for state, change in table.items() if change == "certain"]
         assert certain == [row[0] for row in listed]
         unknown = [row["value"] is None for row in interview.table("scale")]
-        assert unknown == [not row["asked"] for row in end["scale"]]
+        assert unknown == [not row["known"] for row in end["scale"]]
 
 
 @pytest.mark.slow
@@ -406,16 +406,19 @@ def test_downloads_are_those_of_the_screens() -> None:
         Interview(session, told.subject) as interview,
     ):
         screen = Person(interview, truthful(np.array([0, 0.2, 0.45, 0.7, 1.0]))).until("end")
-        assert screen["end"]["downloads"] == ["scale", "policy", "answers"]
+        assert [d["what"] for d in screen["end"]["downloads"]] == ["scale", "plan", "answers"]
         rows = interview.table("answers")
         assert len(rows) == len(session.log)
         for row, entry in zip(rows, session.log, strict=True):
             shown = next(a for a in reversed(session.log.asked) if a.query.id == row["id"])
-            assert [int(n) for n in row["a"].split()] == shown.metadata["shown"]["a"]
+            by_level = [row[f"a: {label}"] for label in told.subject.labels]
+            assert by_level == shown.metadata["shown"]["a"]
+            kind = "check" if entry.repeat else "yes" if entry.used else "no"
+            assert row["used"].split()[0].strip(":,") == kind
             assert row["chosen"] in ALIKE
             assert row["repeat"] == entry.repeat
-        reply = interview.handle({"do": "download", "what": "policy", "format": "csv"})
-        assert reply["name"].startswith("a-random-problem-policy-")
+        reply = interview.handle({"do": "download", "what": "plan", "format": "csv"})
+        assert reply["name"].startswith("a-random-problem-plan-")
         assert reply["text"].count("\n") == 1 + np.count_nonzero(~MDP.terminal)
         for wrong in ({"what": "log", "format": "csv"}, {"what": "scale", "format": "xml"}):
             with pytest.raises(ValueError, match="what is scale"):

@@ -232,7 +232,7 @@ def test_a_report_has_everything_and_leaves_the_logs_as_they_are(
     assert not re.search(r"<script|https?://|src=", html)
     for name, columns in (
         ("scales", {"person", "level", "value", "low", "high"}),
-        ("policies", {"person", "alternative", "choice"}),
+        ("choices", {"person", "alternative", "choice"}),
         ("answers", {"person", "a", "b", "chosen"}),
         ("following", {"person", "follows", "loss", "at_most"}),
     ):
