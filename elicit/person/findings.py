@@ -17,11 +17,11 @@ from elicit.tutors.answer_log import Entry
 
 _WIDE = 20.0
 """Width of a range, of 100, up to which a best guess is always shown."""
-_MOST_OF_ROOM = 0.5  # share of the room between the neighbours that a wider range may cover
+_MOST_OF_ROOM = 1 / 3  # share of the room between the neighbours that a wider range may cover
 
 NOT_KNOWN = (
     "A dashed bar is a level that is not known yet: its range is wider than 20 and covers more "
-    "than half of the room between its neighbours, or no answer is about it."
+    "than a third of the room between its neighbours, or no answer is about it."
 )
 """The sentence that goes with a level whose best guess is not shown."""
 OVERLAP = (
@@ -37,8 +37,8 @@ class ScaleRow(NamedTuple):
     The interval is rounded outwards to whole numbers. ``asked`` is False for a level that no answer
     is about: its best guess is a guess of the program's, not of the person's. ``known`` is False
     for a level whose best guess says too little to be shown: no answer is about it, or its interval
-    is wider than 20 and covers more than half of the room between its neighbours. That room is from
-    the low end of the next worse level to the high end of the next better one.
+    is wider than 20 and covers more than a third of the room between its neighbours. That room is
+    from the low end of the next worse level to the high end of the next better one.
     """
 
     label: str

@@ -52,7 +52,7 @@ summary { cursor: pointer; color: var(--link); padding: .3rem 0; } details > tab
 @media (max-width: 34rem) {
   body { margin-top: 1rem; } table { font-size: .9rem; } th, td { padding: .3rem .2rem; }
   .scale, .scale thead, .scale tbody, .scale caption, .answers, .answers tbody { display: block; }
-  .scale tr { display: grid; grid-template-columns: minmax(0, 1fr) 5.5rem 6rem; border-top: 1px solid var(--line); }
+  .scale tr { display: grid; grid-template-columns: minmax(0, 1fr) 7rem 5.5rem; border-top: 1px solid var(--line); }
   .scale thead tr { border-top: 0; } .scale th, .scale td { border-top: 0; width: auto; }
   .scale .drawn { grid-row: 2; grid-column: 1 / -1; padding: 0 .8rem; } .scale tbody .drawn { margin-top: -.5rem; }
   .answers thead, .many thead { display: none; } .many, .many tbody { display: block; }

@@ -215,7 +215,7 @@ def _plan(
     )
     sure = "" if result.confidence == 1.0 else f" With {result.confidence:.0%} probability each."
     return ResultTable(
-        f"The whole {told.plan}",
+        "The whole plan",
         ("State", "What to do", "By your answers"),
         rows,
         f"“Changed” means other than with equal steps between the levels. “Certain” means that "

@@ -399,6 +399,25 @@ def test_after_the_end_more_is_asked_until_the_scale_is_known() -> None:
         assert not after["more"]
 
 
+def test_taking_back_an_answer_says_what_became_of_the_result() -> None:
+    told = taught()
+    with (
+        Session(told.make, AnswerLog(), audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        person = Person(interview, truthful(np.array([0, 0.2, 0.45, 0.7, 1.0])))
+        assert person.until("end")["end"]["settled"]
+        for _ in range(4):
+            before = interview.progress.settled
+            last = session.log.standing[0].answer.query.id
+            screen = interview.handle({"do": "withdraw", "id": last})
+            settled = bool(screen["end"] and screen["end"]["settled"])
+            assert ("The result is no longer settled" in screen["note"]) == (before and not settled)
+            assert ("The result is still settled" in screen["note"]) == (before and settled)
+            if settled:
+                assert "that you took back" in screen["end"]["sure"]
+
+
 def test_downloads_are_those_of_the_screens() -> None:
     told = taught()
     with (

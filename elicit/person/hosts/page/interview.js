@@ -626,7 +626,7 @@ export function mount(root, send, options = {}) {
       const number = counts ? [part("span", "soft", {}, [`${one.number}. `])] : [];
       const said = part("span", "", {}, [...number, part(counts ? "span" : "s", "", {}, [one.sentence])]);
       const words = part("span", "words", {}, [said]);
-      words.append(...tags.map((tag) => part("span", "tag", {}, [tag])));
+      words.append(...tags.map((tag) => part("span", PLAIN.has(tag) ? "tag plain" : "tag", {}, [tag])));
       const when = one.time && new Date(one.time).toLocaleString(undefined, WHEN);
       if (when) words.append(part("time", "soft", { datetime: one.time }, [when]));
       return part("li", counts ? "" : "gone", {}, one.withdrawn ? [words] : [words, back(one.id, one.sentence)]);
@@ -722,6 +722,7 @@ const FILES = {
   plan: "what is chosen, and where your answers change it",
   answers: "each one, with both sides as you saw them, and whether it is used",
 };
+const PLAIN = new Set(["asked again as a check", "settled since"]); // no fault of the answer
 const REMEMBERED = "elicit: letter keys";
 
 // Whether letters answer, as it was set last in this browser, which may forbid to remember anything.

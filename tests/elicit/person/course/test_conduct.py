@@ -157,3 +157,14 @@ def test_an_answer_against_the_order_of_the_levels_is_a_check_that_differs() -> 
         query = Query(f"{ORDER}{level}", np.eye(3)[level], np.eye(3)[level - 1])
         log.append(Answer(query, verdict))
     assert (conduct(log).checks, conduct(log).differed) == (2, 1)
+
+
+@pytest.mark.parametrize(
+    ("back", "differed", "given", "said"),
+    [(4, 1, 20, True), (4, 0, 12, False), (3, 1, 12, False), (4, 1, 25, False), (3, 2, 20, True)],
+)
+def test_answers_taken_back_and_checks_that_differ_count_together(
+    back: int, differed: int, given: int, said: bool
+) -> None:
+    one = Conduct(given - back, given - back, 9, differed, "a", 1, taken_back=back)
+    assert ("You took back" in str(one.caution())) == said
