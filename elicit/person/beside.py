@@ -24,7 +24,7 @@ from elicit.person.background import Background, MadeAhead, Turns
 from elicit.person.course.choices import Choices
 from elicit.person.course.conduct import AGAIN, LEAST_CHECKS, ORDER, Conduct
 from elicit.person.course.consequences import Consequences
-from elicit.person.course.forecast import QuestionsLeft
+from elicit.person.course.forecast import QuestionsLeft, Stated
 from elicit.person.course.level_questions import LEVEL
 from elicit.person.course.pace import Pace
 from elicit.person.drawing import MINUTES, Drawing
@@ -192,8 +192,7 @@ class Beside(Closing):
         self._since: list[Verdict | None] = []  # verdicts since then
         self._conduct = Conduct.of(())  # before this question
         self._left = QuestionsLeft()
-        self._stated: float | None = None  # the loss that was last stated
-        self._checked = False  # whether an earlier question was put again since then
+        self._stated = Stated()
         self._needed = (0, 0)  # answers and checks that must still come after this question
 
     def start(self, steps: Iterator[None]) -> None:
@@ -317,18 +316,9 @@ class Beside(Closing):
             ahead = LookAhead(asker, twin, pending, swapped, session.answering(pending))
         counted = not session.is_repeat(shown.id)
         outlook = Outlook(
-            twin,
-            shown,
-            pending,
-            subject.stakes,
-            self._ends,
-            subject.seed,
-            before,
-            since,
-            counted,
-            self._stated,
-            self._checked,
+            twin, shown, pending, subject.stakes, self._ends, subject.seed, before, since, counted
         )
+        outlook.stated = self._stated
         self._beside = _Computed(shown.id, asker, ahead, outlook)
         looks = () if ahead is None else ahead.steps()
         self._background.start(chain(instead, looks, outlook.steps()))
@@ -339,9 +329,9 @@ class Beside(Closing):
         if now is None or outlook is None:
             return
         if not outlook.counted:
-            self._checked = True
+            self._stated = self._stated._replace(checked=True)
         elif outlook.loss is not None and not now.shown.startswith(ORDER):
-            self._stated, self._checked = outlook.loss, False
+            self._stated = Stated(outlook.loss)
 
     def told_ahead(self, asker: Asker, answer: Answer) -> AfterAnswer | None:
         """Return the asker after an answer, if computed, and give up the other computations."""
@@ -368,7 +358,7 @@ class Beside(Closing):
         """
         self._note_stated(self._beside)
         if not answered:
-            self._stated = None  # it is no longer compared with: other answers stand
+            self._stated = Stated()  # it is no longer compared with: other answers stand
         self._beside = self._weighed = None
         self._since = []
         self._background.stop()

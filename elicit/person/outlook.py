@@ -20,7 +20,7 @@ from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats
 from elicit.person.asker import Asker, Compares, tell
 from elicit.person.course.conduct import LEAST_CHECKS
-from elicit.person.course.forecast import rise
+from elicit.person.course.forecast import Stated, rise
 from elicit.person.showing import Shown, printable
 from elicit.tutors.erring_tutor import says_left
 
@@ -78,10 +78,6 @@ class Outlook:
         on.
     counted : bool
         True if the question is one of those that are counted.
-    stated : float, optional
-        The loss that was last stated to the person.
-    checked : bool
-        True if an earlier question was put again since then.
     """
 
     def __init__(
@@ -95,12 +91,11 @@ class Outlook:
         before: Outlook | None = None,
         answered: Sequence[Verdict | None] = (),
         counted: bool = True,
-        stated: float | None = None,
-        checked: bool = False,
     ) -> None:
         self.loss: float | None = None
         """What the result could lose, a share of the value range; None if unknown."""
-        self._stated, self._checked = stated, checked
+        self.stated = Stated()
+        """The loss that was last stated to the person. It is set before ``steps``."""
         self.why: tuple[str, ...] = ()
         """The reason why the question is asked, in sentences."""
         self.to_come: tuple[int, int] | None = None
@@ -149,7 +144,7 @@ class Outlook:
         if stakes is not None:
             self.loss = _stated_loss(result)
             exact = known is None or trusted_share(known) is None
-            risen = rise(self.loss, self._stated, self._checked, exact)
+            risen = rise(self.loss, self.stated, exact)
             self.why = (*self.why, stakes if risen is None else f"{stakes} {risen}")
         yield
         for play in self._all_plays(known):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 _SLACK = 2  # questions, and a share of those left, by which a forecast may be off and stays:
 _SHARE_OF_SLACK = 0.25
 _ESTIMATE = 0.07
@@ -54,17 +56,29 @@ class QuestionsLeft:
         return max(kept[0] - now, least), kept[1] - now
 
 
-def rise(
-    loss: float | None, before: float | None, checked: bool, exact: bool = False
-) -> str | None:
+class Stated(NamedTuple):
+    """The loss that was last stated to a person.
+
+    Attributes
+    ----------
+    loss : float or None
+        A share of the value range; None if none was stated.
+    checked : bool
+        True if an earlier question was put again since then.
+    """
+
+    loss: float | None = None
+    checked: bool = False
+
+
+def rise(loss: float | None, stated: Stated, exact: bool = False) -> str | None:
     """Return a sentence on why a loss is greater than when it was last stated, or None if it isn't.
 
     Parameters
     ----------
-    loss, before : float or None
-        The loss now, and the one last stated; None if unknown.
-    checked : bool
-        True if an earlier question was put again in between.
+    loss : float or None
+        The loss now; None if unknown.
+    stated : Stated
     exact : bool
         True if the loss is proven for every scale that fits the answers, and not estimated.
 
@@ -72,6 +86,7 @@ def rise(
     -------
     str or None
     """
+    before, checked = stated
     if loss is None or before is None or not loss > before:
         return None
     said = (

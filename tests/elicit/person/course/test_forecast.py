@@ -1,8 +1,8 @@
-"""What is said of questions left and of a loss does not jump without a reason."""
+"""Forecasts of questions left do not jump, and a loss that rose says why."""
 
 import pytest
 
-from elicit.person.course.forecast import QuestionsLeft, rise
+from elicit.person.course.forecast import QuestionsLeft, Stated, rise
 
 
 def test_a_forecast_counts_down_and_changes_only_if_it_is_off_by_much() -> None:
@@ -28,11 +28,11 @@ def test_a_forecast_is_never_below_what_must_come() -> None:
 @pytest.mark.parametrize("checked", [False, True])
 def test_a_loss_that_rose_says_why(checked: bool) -> None:
     for loss, before in ((None, 0.1), (0.1, None), (0.02, 0.02), (0.02, 0.03)):
-        assert rise(loss, before, checked) is None
-    assert "varies a little" in str(rise(0.0301, 0.03, checked))
-    said = str(rise(0.04, 0.03, checked))
+        assert rise(loss, Stated(before, checked)) is None
+    assert "varies a little" in str(rise(0.0301, Stated(0.03, checked)))
+    said = str(rise(0.04, Stated(0.03, checked)))
     assert "more values are plausible again" in said
     assert said.endswith("The check in between did not change it.") == checked
-    exact = str(rise(0.0301, 0.03, checked, exact=True))
+    exact = str(rise(0.0301, Stated(0.03, checked), exact=True))
     assert "changed the plan" in exact
     assert "estimated" not in exact
