@@ -199,10 +199,10 @@ def _plan(
     """Return what to do in every state that is not terminal, in words, for the screen."""
     _, states, holds = differing
     change = dict(zip(states.tolist(), holds.tolist(), strict=True))
-    plausible = (
-        "every scale that fits your answers"
+    sure = (
+        "for every scale that fits your answers"
         if result.confidence == 1.0
-        else "every plausible scale"
+        else f"with {result.confidence:.0%} probability each"
     )
     words = {True: "changed, certain", False: "changed, not certain", None: "not changed"}
     rows = tuple(
@@ -213,13 +213,12 @@ def _plan(
         )
         for s in np.flatnonzero(~mdp.terminal).tolist()
     )
-    sure = "" if result.confidence == 1.0 else f" With {result.confidence:.0%} probability each."
     return ResultTable(
         "The whole plan",
         ("State", "What to do", "By your answers"),
         rows,
-        f"“Changed” means other than with equal steps between the levels. “Certain” means that "
-        f"this action is better than the other one for {plausible}.{sure}",
+        "“Changed” means other than with equal steps between the levels. “Certain” means that this "
+        f"action is better than that one {sure}.",
     )
 
 
