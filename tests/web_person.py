@@ -5,6 +5,7 @@ by hidden values.
 import http.client
 import json
 import signal
+import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -52,6 +53,9 @@ class Visitor:
     def screen(self, do: str = "state", **parts: str) -> Any:
         """The screen after a message, which must be taken."""
         status, reply = self.post({"do": do, **parts})
+        while status == 200 and "getting_ready" in reply:
+            time.sleep(0.1)
+            status, reply = self.post({"do": do, **parts})
         assert status == 200, reply
         return reply
 

@@ -24,6 +24,7 @@ from elicit.person.background import Background, MadeAhead, Turns
 from elicit.person.course.choices import Choices
 from elicit.person.course.conduct import AGAIN, LEAST_CHECKS, ORDER, Conduct
 from elicit.person.course.consequences import Consequences
+from elicit.person.course.forecast import QuestionsLeft, Stated
 from elicit.person.course.level_questions import LEVEL
 from elicit.person.course.pace import Pace
 from elicit.person.drawing import MINUTES, Drawing
@@ -32,7 +33,10 @@ from elicit.person.session import Session
 from elicit.person.showing import Shown, Subject, shown_of
 from elicit.tutors.answer_log import REPEATS
 
-_CHECK = "Some questions check earlier answers. They show how far your answers can be relied on."
+_CHECK = (
+    "Some questions check earlier answers. They show how far your answers can be relied on. If you "
+    "answer as before, the result stays as it is."
+)
 _ORDER = "This question checks that you see the levels in the order in which they are listed."
 _FURTHER = "This question makes sure that the result does not depend on too few answers."
 _LIKELY_FIRST = (Verdict.BETTER, Verdict.WORSE, Verdict.EQUAL, None)
@@ -187,6 +191,8 @@ class Beside(Closing):
         self._weighed: Consequences[Supposed] | None = None
         self._since: list[Verdict | None] = []  # verdicts since then
         self._conduct = Conduct.of(())  # before this question
+        self._left = QuestionsLeft()
+        self._stated = Stated()
         self._needed = (0, 0)  # answers and checks that must still come after this question
 
     def start(self, steps: Iterator[None]) -> None:
@@ -292,6 +298,7 @@ class Beside(Closing):
         if now is not None and now.shown == shown.id and now.asker is asker:
             return
         before, since = None if now is None else now.outlook, tuple(self._since)
+        self._note_stated(now)
         self._beside, self._since = _Computed(shown.id, asker), []
         pending, query = session.next_told(), session.question()
         other = (pending is None or pending.id != shown.id) and not session.is_repeat(shown.id)
@@ -311,9 +318,20 @@ class Beside(Closing):
         outlook = Outlook(
             twin, shown, pending, subject.stakes, self._ends, subject.seed, before, since, counted
         )
+        outlook.stated = self._stated
         self._beside = _Computed(shown.id, asker, ahead, outlook)
         looks = () if ahead is None else ahead.steps()
         self._background.start(chain(instead, looks, outlook.steps()))
+
+    def _note_stated(self, now: _Computed | None) -> None:
+        """Note the loss that was stated beside the last question, if it was."""
+        outlook = None if now is None else now.outlook
+        if now is None or outlook is None:
+            return
+        if not outlook.counted:
+            self._stated = self._stated._replace(checked=True)
+        elif outlook.loss is not None and not now.shown.startswith(ORDER):
+            self._stated = Stated(outlook.loss)
 
     def told_ahead(self, asker: Asker, answer: Answer) -> AfterAnswer | None:
         """Return the asker after an answer, if computed, and give up the other computations."""
@@ -330,8 +348,17 @@ class Beside(Closing):
         """Return whether a session like this one has no question left in front of a query."""
         return not self._session.makes_askers and self._rounded(query)
 
-    def forget(self) -> None:
-        """Discard what was computed, and give up the rest."""
+    def forget(self, answered: bool = False) -> None:
+        """Discard what was computed, and give up the rest.
+
+        Parameters
+        ----------
+        answered : bool
+            True if nothing but one more answer is the reason.
+        """
+        self._note_stated(self._beside)
+        if not answered:
+            self._stated = Stated()  # it is no longer compared with: other answers stand
         self._beside = self._weighed = None
         self._since = []
         self._background.stop()
@@ -343,28 +370,27 @@ class Beside(Closing):
         if outlook is None:
             why = [_FURTHER] if id.startswith(LEVEL) and not self._chosen.more else []
             why = [_CHECK] if id.endswith(AGAIN) else why
-            to_come = None if self._chosen.more else self._as_forecast()
             return {
                 "id": id,
                 "why": why,
-                "to_come": to_come,
+                "to_come": self._to_come(None),
                 "at_least": sum(self._needed),
                 "ready": True,
             }
         ready = outlook.ready  # read first: whatever is there by then stays
-        answers, checks = self._needed
-        to_come = (
-            self._as_forecast()
-            if outlook.to_come is None
-            else [self._with_checks(max(answers, number)) for number in outlook.to_come]
-        )
+        to_come = self._to_come(outlook.to_come)
         why = [*outlook.why]
         if not outlook.counted:
             why = [_CHECK]
         elif id.startswith(ORDER):
             why = [_ORDER]
-        at_least = answers + checks
-        return {"id": id, "why": why, "to_come": to_come, "at_least": at_least, "ready": ready}
+        return {
+            "id": id,
+            "why": why,
+            "to_come": to_come,
+            "at_least": sum(self._needed),
+            "ready": ready,
+        }
 
     def _with_checks(self, number: int) -> int:
         """Return how many questions come if so many answers after this one do."""
@@ -373,11 +399,24 @@ class Beside(Closing):
             checks = self._conduct.checks_beside(number + 1, checks)
         return number + checks
 
-    def _as_forecast(self) -> list[int] | None:
-        """Return how many questions are to come by the welcome's forecast, or None."""
-        length = None if self._prospects is None else self._prospects.length()
-        left = 0 if length is None else length - self._conduct.put - 1
-        return [left, left] if left >= max(1, sum(self._needed)) else None
+    def _to_come(self, played: tuple[int, int] | None) -> list[int] | None:
+        """Return the range of questions to come that is shown, or None if nothing is known.
+
+        ``played`` is that of sessions that were played from here on. Without it, it is the
+        welcome's forecast.
+        """
+        if self._chosen.more:
+            return None
+        put, least = self._conduct.put, sum(self._needed)
+        found = None
+        if played is not None:
+            fewest, most = (self._with_checks(max(self._needed[0], n)) for n in played)
+            found = fewest, most
+        elif self._prospects is not None and (lengths := self._prospects.lengths()) is not None:
+            fewest, most = (length - put - 1 for length in lengths)
+            found = (max(0, fewest), most) if most >= max(1, least) else None
+        shown = self._left.shown(found, put, least)
+        return None if shown is None else [*shown]
 
 
 def in_minutes(n: int) -> str:

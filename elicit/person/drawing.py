@@ -19,7 +19,7 @@ from elicit.person.course.counts import Counts, in_answers, numbered
 from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
 from elicit.person.course.pace import Pace
-from elicit.person.findings import certainty, scale_rows
+from elicit.person.findings import NOT_KNOWN, OVERLAP, certainty, overlap, scale_rows
 from elicit.person.next_question import NextQuestion
 from elicit.person.outlook import Prospect
 from elicit.person.report import ReportDetails, report_page
@@ -256,32 +256,45 @@ class Drawing:
 
     def download(self, what: str, format: str) -> dict[str, Any]:
         """Return a table as a file. Raises ValueError for another table or format."""
-        if format not in ("csv", "json") or what not in ("scale", "policy", "answers"):
-            raise ValueError("what is scale, policy or answers, and format csv or json")
+        if format not in ("csv", "json") or what not in ("scale", "plan", "answers"):
+            raise ValueError("what is scale, plan or answers, and format csv or json")
         rows = self.table(what)
         text = as_csv(rows) if format == "csv" else as_json(rows)
         now = datetime.now(UTC)
         return {
             "text": text,
             "type": "text/csv" if format == "csv" else "application/json",
-            "name": self._file_name(what, format, now),
+            "name": self._file_name(self.name_of(what).lower(), format, now),
         }
+
+    def name_of(self, what: str) -> str:
+        """Return the one name that screens and files give a table to keep."""
+        found = self._concluded().result if what == "plan" else None
+        return (found.title if found is not None else "") or what.capitalize()
 
     def table(self, what: str) -> list[dict[str, Any]]:
         """Return the rows of a table to keep, as ``Interview.table`` describes them."""
         if what == "answers":
+            among = {entry["id"] for entries in self._conflicts() for entry in entries}
             return [
-                answer_row(number, entry, self._as_put(entry), said_of(self._subject, entry.answer))
+                answer_row(
+                    number,
+                    entry,
+                    self._as_put(entry),
+                    said_of(self._subject, entry.answer),
+                    entry.answer.query.id in among,
+                )
                 for number, entry in numbered(self._session.log)
             ]
         if what == "scale":
             return [
                 {
                     "level": row["label"],
-                    "value": round(row["value"], 2) if row["asked"] else None,
+                    "value": round(row["value"], 2) if row["known"] else None,
                     "low": row["low"],
                     "high": row["high"],
                     "asked": row["asked"],
+                    "known": row["known"],
                 }
                 for row in self.end(False)["scale"]
             ]
@@ -319,9 +332,9 @@ class Drawing:
         headline, said = found.headline, [*found.statements]
         after = f"{found.next} {found.more if left else ''}".strip()
         start = self._questions.at_start() if found.headline else None
-        sure, before, changes = found.sure, found.before, found.changes
+        sure, before, changes, plan = found.sure, found.before, found.changes, found.plan
         if not conduct.with_verdict and start is not None and not start.finished:
-            sure, changes = "", None  # there is nothing yet that could hold or change
+            sure, changes, plan = "", None, None  # there is nothing yet that could hold or change
             after = found.more if left else ""
             before = "" if start.loss is None else self._before(start.loss)
             headline = (
@@ -336,13 +349,16 @@ class Drawing:
             if_meant = f"If every answer is meant as it was given: {found.headline} {found.sure}"
             said.append(if_meant.strip())
             sure = before = ""
-        if caution is not None and changes is not None:
-            changes = replace(changes, note=f"This holds only {_IF_MEANT}. {changes.note}")
-        scale = (
-            []
-            if known is None
-            else [row._asdict() for row in scale_rows(known, subject.labels, session.log)]
-        )
+        back = counts.withdrawn
+        if back and found.settled and enough and caution is None:
+            sure = f"{sure} It does not use the {in_answers(back)} that you took back.".strip()
+        if caution is not None:
+            changes, plan = (
+                table and replace(table, note=f"This holds only {_IF_MEANT}. {table.note}")
+                for table in (changes, plan)
+            )
+        rows = [] if known is None else scale_rows(known, subject.labels, session.log)
+        scale = [row._asdict() for row in rows]
         return {
             "headline": printable(headline),
             "sure": printable(sure),
@@ -358,6 +374,10 @@ class Drawing:
             else None,
             "scale": scale,
             "by_chance": conduct.by_chance if subject.least else "",
+            "scale_notes": [
+                *([] if all(row.known for row in rows) else [NOT_KNOWN]),
+                *([OVERLAP] if overlap(rows) else []),
+            ],
             "certainty": None
             if known is None
             else f"{certainty(known)}{'' if caution is None else f', {_IF_MEANT}'}",
@@ -366,10 +386,15 @@ class Drawing:
                 *map(printable, subject.report(session.result())),
             ],
             "changes": None if changes is None else asdict(changes),
+            "plan": None if plan is None else asdict(plan),
             "downloads": [
-                *(["scale"] if scale else []),
-                *(["policy"] if found.result is not None else []),
-                "answers",
+                {"what": what, "name": name}
+                for what, name in (
+                    ("scale", "Scale" if scale else ""),
+                    ("plan", found.result.title if found.result is not None else ""),
+                    ("answers", "Answers"),
+                )
+                if name
             ],
             "facts": [list(pair) for pair in subject.facts.of],
             "limits": self._limits(),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -14,12 +15,30 @@ from elicit.model.outcomes import assumed_of_answers
 from elicit.person.showing import printable
 from elicit.tutors.answer_log import Entry
 
+_WIDE = 20.0
+"""Width of a range, of 100, up to which a best guess is always shown."""
+_MOST_OF_ROOM = 1 / 3  # share of the room between the neighbours that a wider range may cover
+
+NOT_KNOWN = (
+    "A dashed bar is a level that is not known yet: its range is wider than 20 and covers more "
+    "than a third of the room between its neighbours, or no answer is about it."
+)
+"""The sentence that goes with a level whose best guess is not shown."""
+OVERLAP = (
+    "Ranges may overlap although the order is fixed: wherever two levels lie in their ranges, the "
+    "better one is never worth less."
+)
+"""The sentence that goes with ranges that overlap."""
+
 
 class ScaleRow(NamedTuple):
     """The value of a level, from 0 to 100: the best guess, and an interval.
 
     The interval is rounded outwards to whole numbers. ``asked`` is False for a level that no answer
-    is about: its best guess is a guess of the program's, not of the person's.
+    is about: its best guess is a guess of the program's, not of the person's. ``known`` is False
+    for a level whose best guess says too little to be shown: no answer is about it, or its interval
+    is wider than 20 and covers more than a third of the room between its neighbours. That room is
+    from the low end of the next worse level to the high end of the next better one.
     """
 
     label: str
@@ -27,6 +46,26 @@ class ScaleRow(NamedTuple):
     low: float
     high: float
     asked: bool = True
+    known: bool = True
+
+
+def overlap(rows: Sequence[ScaleRow]) -> bool:
+    """Return whether the ranges of two neighbouring levels overlap; ``rows`` are best first."""
+    return any(worse.high > better.low for better, worse in pairwise(rows))
+
+
+def is_known(low: float, high: float, worse_low: float, better_high: float) -> bool:
+    """Return whether an interval is narrow enough for its best guess to be shown.
+
+    Parameters
+    ----------
+    low, high : float
+        The interval, from 0 to 100.
+    worse_low, better_high : float
+        The low end of the next worse level, and the high end of the next better one.
+    """
+    width = high - low
+    return bool(width <= _WIDE or width <= _MOST_OF_ROOM * (better_high - worse_low))
 
 
 def asked_levels(log: Iterable[Entry]) -> set[int]:
@@ -73,11 +112,18 @@ def scale_rows(
         low[-1] = 100.0
     if open_step[0] != 0:
         high[0] = 0.0
+    worse_low, better_high = np.r_[0.0, low[:-1]], np.r_[high[1:], 100.0]
     rows = [
-        ScaleRow(printable(label), float(value), float(least), float(most), level in asked)
-        for level, (label, value, least, most) in enumerate(
-            zip(labels, values, low, high, strict=True)
+        ScaleRow(
+            printable(label),
+            float(values[level]),
+            float(low[level]),
+            float(high[level]),
+            level in asked,
+            level in asked
+            and is_known(low[level], high[level], worse_low[level], better_high[level]),
         )
+        for level, label in enumerate(labels)
     ]
     return rows[::-1]
 

@@ -54,7 +54,7 @@ The other replies are:
 ``report``
     The reply has ``html``, a page to keep, and ``name`` for its file.
 ``download``
-    ``what``: "scale", "policy" or "answers"; ``format``: "csv" or "json". The reply has ``text``,
+    ``what``: "scale", "plan" or "answers"; ``format``: "csv" or "json". The reply has ``text``,
     ``type`` and ``name``.
 
 A screen has these fields:
@@ -103,10 +103,12 @@ answers say little, or null), ``remarks`` (sentences on answers that came very f
 that differ more often in one half of the session), ``settled``, ``finished`` (false if a question
 waits), ``more`` (true if something is left to ask), ``open`` (the reason why there is no question
 though more could be asked, or null), ``scale`` (rows, best level first: ``label``, ``value``,
-``low``, ``high``, from 0 to 100, and ``asked``, false for a level that no answer is about),
+``low``, ``high``, from 0 to 100, ``asked``, false for a level that no answer is about, and
+``known``, false if the best guess is not to be shown), ``scale_notes`` (sentences that go with it),
 ``certainty`` (of the intervals), ``by_chance`` (a sentence on how often answers by chance would do
-as well in the checks, or ""), ``statements``, ``changes`` (``title``, ``note``, ``columns``,
-``rows``, or null), ``downloads``, ``facts`` (pairs), ``limits``, ``counts`` and ``conflicts``
+as well in the checks, or ""), ``statements``, ``changes`` and ``plan`` (tables: ``title``,
+``note``, ``columns``, ``rows``, or null), ``downloads`` (each with ``what`` and ``name``),
+``facts`` (pairs), ``limits``, ``counts`` and ``conflicts``
 (lists of ``id``, ``number`` and ``sentence``). ``counts`` has the numbers of ``Counts``, and
 ``given`` and ``checks`` say them in sentences.
 """
@@ -342,7 +344,7 @@ class Interview(Closing):
 
         Parameters
         ----------
-        what : {"scale", "policy", "answers"}
+        what : {"scale", "plan", "answers"}
 
         Returns
         -------
@@ -425,10 +427,10 @@ class Interview(Closing):
             self._session.question()
         yield
 
-    def _forget(self) -> None:
+    def _forget(self, answered: bool = False) -> None:
         """Discard what was shown and computed."""
         self._put = None
-        self._beside.forget()
+        self._beside.forget(answered)
 
     def _screen_of(
         self, standing: Sequence[Entry], conduct: Conduct, note: str | None
@@ -526,7 +528,7 @@ class Interview(Closing):
         self._chosen.stopped = False
         said = self._session.log[-1]
         if not said.repeat and (waits is None or waits.id != id):
-            self._forget()  # there is another asker now
+            self._forget(answered=True)  # there is another asker now
         return self._screen(self._about_haste())
 
     def _about_haste(self) -> str | None:
@@ -667,7 +669,7 @@ class Interview(Closing):
         self._forget()
         self._chosen.stopped = False
         self._session.undo()
-        return self._screen("Taken back.")
+        return self._taken_back("Taken back.")
 
     def _withdraw(self, id: str) -> dict[str, Any]:
         if not any(entry.answer.query.id == id for entry in self._session.log.standing):
@@ -676,7 +678,19 @@ class Interview(Closing):
             )
         self._forget()
         self._session.withdraw(id)
-        return self._screen("Taken back. The other answers stay.")
+        return self._taken_back("Taken back. The other answers stay.")
+
+    def _taken_back(self, said: str) -> dict[str, Any]:
+        """Return the screen after an answer was taken back, with a note on what became of it."""
+        before = self.progress.settled  # of the last screen
+        screen = self._screen()
+        now = screen["end"] is not None and bool(screen["end"]["settled"])
+        became = {
+            (True, True): " The result is still settled: the answers that stand suffice.",
+            (True, False): " The result is no longer settled without it.",
+            (False, True): " The answers that stand settle the result.",
+        }
+        return {**screen, "note": f"{said}{became.get((before, now), '')}"}
 
     def _taken_back_before(self, id: str) -> str | None:
         """Return a note for an answer that was taken back already, as by a message sent twice."""

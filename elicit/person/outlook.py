@@ -20,6 +20,7 @@ from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats
 from elicit.person.asker import Asker, Compares, tell
 from elicit.person.course.conduct import LEAST_CHECKS
+from elicit.person.course.forecast import Stated, rise
 from elicit.person.showing import Shown, printable
 from elicit.tutors.erring_tutor import says_left
 
@@ -91,6 +92,10 @@ class Outlook:
         answered: Sequence[Verdict | None] = (),
         counted: bool = True,
     ) -> None:
+        self.loss: float | None = None
+        """What the result could lose, a share of the value range; None if unknown."""
+        self.stated = Stated()
+        """The loss that was last stated to the person. It is set before ``steps``."""
         self.why: tuple[str, ...] = ()
         """The reason why the question is asked, in sentences."""
         self.to_come: tuple[int, int] | None = None
@@ -134,8 +139,13 @@ class Outlook:
             sentence = what_is_open(self._shown, known)
             self.why = () if sentence is None else (sentence,)
             yield
-        stakes = self._stakes(copy.deepcopy(self._twin).result())
-        self.why = self.why if stakes is None else (*self.why, stakes)
+        result = copy.deepcopy(self._twin).result()
+        stakes = self._stakes(result)
+        if stakes is not None:
+            self.loss = _stated_loss(result)
+            exact = known is None or trusted_share(known) is None
+            risen = rise(self.loss, self.stated, exact)
+            self.why = (*self.why, stakes if risen is None else f"{stakes} {risen}")
         yield
         for play in self._all_plays(known):
             while not play.over and time.monotonic() < until:
@@ -379,6 +389,17 @@ class Prospects:
             for i, budget in enumerate(self.questions)
         ]
 
+    def lengths(self) -> tuple[int, int] | None:
+        """Return the least and the greatest number of questions, checks among them, or None.
+
+        One session of them may have taken longer. None if too few sessions were simulated, or more
+        than one of them did not end.
+        """
+        lengths = sorted(self._lengths)
+        if len(lengths) < _FEWEST_RUNS or lengths[-2] >= _proving(self.questions[-1]):
+            return None
+        return _with_checks(lengths[0]), _with_checks(lengths[-2])
+
     def length(self) -> int | None:
         """Return how many questions, checks among them, suffice in half of the sessions, or None.
 
@@ -390,8 +411,12 @@ class Prospects:
         middle = lengths[len(lengths) // 2]
         if middle >= _proving(self.questions[-1]):
             return None
-        half = int(middle)
-        return half + max(LEAST_CHECKS, half // (_CHECKS - 1))
+        return _with_checks(middle)
+
+
+def _with_checks(questions: float) -> int:
+    """Return how many questions there are with so many that are no checks."""
+    return int(questions) + max(LEAST_CHECKS, int(questions) // (_CHECKS - 1))
 
 
 def _proving(questions: int) -> int:
@@ -400,5 +425,11 @@ def _proving(questions: int) -> int:
 
 
 def _loss_of(asker: Asker) -> float:
-    loss = getattr(copy.deepcopy(asker).result(), "loss_bound", math.nan)
-    return float(loss) if isinstance(loss, int | float) else math.nan
+    loss = _stated_loss(copy.deepcopy(asker).result())
+    return math.nan if loss is None else loss
+
+
+def _stated_loss(result: Any) -> float | None:
+    loss = getattr(result, "loss_bound", math.nan)
+    known = isinstance(loss, int | float) and not math.isnan(loss)
+    return float(loss) if known else None

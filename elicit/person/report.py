@@ -52,7 +52,7 @@ summary { cursor: pointer; color: var(--link); padding: .3rem 0; } details > tab
 @media (max-width: 34rem) {
   body { margin-top: 1rem; } table { font-size: .9rem; } th, td { padding: .3rem .2rem; }
   .scale, .scale thead, .scale tbody, .scale caption, .answers, .answers tbody { display: block; }
-  .scale tr { display: grid; grid-template-columns: minmax(0, 1fr) 5.5rem 6rem; border-top: 1px solid var(--line); }
+  .scale tr { display: grid; grid-template-columns: minmax(0, 1fr) 7rem 5.5rem; border-top: 1px solid var(--line); }
   .scale thead tr { border-top: 0; } .scale th, .scale td { border-top: 0; width: auto; }
   .scale .drawn { grid-row: 2; grid-column: 1 / -1; padding: 0 .8rem; } .scale tbody .drawn { margin-top: -.5rem; }
   .answers thead, .many thead { display: none; } .many, .many tbody { display: block; }
@@ -150,7 +150,10 @@ def report_page(
     if end["open"]:
         parts.append(f"<p>{escaped(end['open'])}</p>")
     if end["scale"]:
-        parts += ["<h2>What the levels are worth</h2>", *_scale(end["scale"], end["certainty"])]
+        parts += [
+            "<h2>What the levels are worth</h2>",
+            *_scale(end["scale"], end["certainty"], end.get("scale_notes", ())),
+        ]
     if end["conflicts"]:
         parts.append("<h2>Answers that contradict each other</h2>")
         parts += map(conflict_box, end["conflicts"])
@@ -158,6 +161,10 @@ def report_page(
         parts += ["<h2>What else follows</h2>", *_statements(end["statements"])]
     if end.get("changes"):
         parts += _changes(end["changes"])
+    if plan := end.get("plan"):
+        parts += [f"<h2>{escaped(plan['title'])}</h2>", f"<p>{escaped(plan['note'])}</p>"]
+        parts.append(f"<details><summary>Every {escaped(plan['of'])}</summary>")
+        parts += [*_rows_of(plan), "</details>"]
     if details.preamble or details.legend:
         asked = asked_about(details.preamble, details.legend)
         parts += ["<h2>What was asked</h2>", *asked]
@@ -256,20 +263,17 @@ def counted(counts: Mapping[str, int]) -> str:
     return f"{found.sentence} {found.checks}".strip()
 
 
-def _known(row: Mapping[str, Any]) -> bool:
-    """Return True if the answers say anything about a level."""
-    return bool(row.get("asked", True)) and (row["low"] > 0 or row["high"] < 100)
-
-
-def _scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> Iterator[str]:
+def _scale(
+    rows: Sequence[Mapping[str, Any]], certainty: str, notes: Sequence[str]
+) -> Iterator[str]:
     said = (
         "Values go from 0, the worst level, to 100, the best. A level at 60 is as good to you as "
         "60 of 100 at the best level and 40 at the worst. The bar is the range, and the dot is the "
         "best guess."
     )
-    if not all(_known(row) for row in rows):
-        said += " A dashed bar is a level that is still unknown."
-    yield f'<table class="scale">\n<caption>{said} The ranges hold {escaped(certainty)}.</caption>'
+    said += f" The ranges hold {certainty}."
+    said = " ".join([said, *notes])
+    yield f'<table class="scale">\n<caption>{escaped(said)}</caption>'
     marks = "".join(f'<text x="{x}%" y="14" text-anchor="middle">{x}</text>' for x in (0, 50, 100))
     axis = f'<svg height="18" font-size="13" fill="#4a5864" aria-hidden="true">{marks}</svg>'
     yield f'<thead><tr><th scope="col">Level</th><td class="drawn">{axis}</td>'
@@ -281,10 +285,10 @@ def _scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> Iterator[str]:
     for i, row in enumerate(rows):
         low, high = row["low"], row["high"]
         between = "fixed" if low == high else f"{low:.0f} to {high:.0f}"
-        known = _known(row)
+        known = row.get("known", True)
         colour = colour_of(1.0 - i / max(1, len(rows) - 1)) if known else None
         picture = interval_picture(low, row["value"], high, colour)
-        guess = f"{row['value']:.0f}" if known else "unknown"
+        guess = f"{row['value']:.0f}" if known else "not known yet"
         yield (
             f'<tr><th scope="row">{escaped(row["label"])}</th><td class="drawn">{picture}</td>'
             f'<td class="number">{guess}</td><td class="number">{between}</td></tr>'

@@ -38,6 +38,8 @@ class InWords:
         What the problem calls states, in the plural, and a policy.
     legend
         What the names of states and actions mean, in sentences.
+    state_words
+        Returns a state in words, from its name.
     """
 
     labels: tuple[str, ...]
@@ -46,6 +48,7 @@ class InWords:
     states: str = "states"
     plan: str = "plan"
     legend: str = ""
+    state_words: Callable[[str], str] = str
 
     def loss(self, share: float) -> str:
         """Return a loss in the problem's own unit, after "it loses at most"."""
@@ -96,12 +99,15 @@ def policy_conclusion(
         more=more,
         before=unasked,
         changes=_changes(told, mdp, action_words, result, differing),
+        plan=_plan(told, mdp, action_words, result, differing),
         result=_whole_policy(mdp, action_words, result, differing),
         settled=settled,
         early=f"So far, compared with your ideal plan, your plan loses at most {most}. Your "
         "answers are not checked yet.",
     )
 
+
+_NARROW = 0.5  # width of a range, a share of the whole, up to which a best guess is said
 
 _COMPARES = "The loss compares what outcomes are worth to you. It does not predict any."
 
@@ -157,7 +163,11 @@ def _changes(
     note = f"Compared with equal steps between the levels.{some}"
     certain, perhaps = (
         tuple(
-            (mdp.state_name(s), action_words(int(equal[s])), action_words(int(result.policy[s])))
+            (
+                told.state_words(mdp.state_name(s)),
+                action_words(int(equal[s])),
+                action_words(int(result.policy[s])),
+            )
             for s in some_states.tolist()
         )
         for some_states in (states[holds], states[~holds])
@@ -179,6 +189,39 @@ def _changes(
     )
 
 
+def _plan(
+    told: InWords,
+    mdp: OrdinalMDP,
+    action_words: Callable[[int], str],
+    result: Result,
+    differing: _Differing,
+) -> ResultTable:
+    """Return what to do in every state that is not terminal, in words, for the screen."""
+    _, states, holds = differing
+    change = dict(zip(states.tolist(), holds.tolist(), strict=True))
+    sure = (
+        "for every scale that fits your answers"
+        if result.confidence == 1.0
+        else f"with {result.confidence:.0%} probability each"
+    )
+    words = {True: "changed, certain", False: "changed, not certain", None: "not changed"}
+    rows = tuple(
+        (
+            told.state_words(mdp.state_name(s)),
+            action_words(int(result.policy[s])),
+            words[change.get(s)],
+        )
+        for s in np.flatnonzero(~mdp.terminal).tolist()
+    )
+    return ResultTable(
+        "The whole plan",
+        ("State", "What to do", "By your answers"),
+        rows,
+        "“Changed” means other than with equal steps between the levels. “Certain” means that this "
+        f"action is better than that one {sure}.",
+    )
+
+
 def _whole_policy(
     mdp: OrdinalMDP, action_words: Callable[[int], str], result: Result, differing: _Differing
 ) -> ResultTable:
@@ -195,7 +238,19 @@ def _whole_policy(
         )
         for s in np.flatnonzero(~mdp.terminal).tolist()
     )
-    return ResultTable("", ("state", "action", "action_with_equal_steps", "change"), rows)
+    return ResultTable("Plan", ("state", "action", "action_with_equal_steps", "change"), rows)
+
+
+def icu_state(name: str) -> str:
+    """Return a state of ICU-Sepsis in words, with its SOFA score as a whole number.
+
+    Examples
+    --------
+    >>> icu_state("12 (mean SOFA 7.3)")
+    'State 12, SOFA score about 7'
+    """
+    number, _, score = name.removesuffix(")").partition(" (mean SOFA ")
+    return f"State {number}, SOFA score about {float(score):.0f}" if score else name
 
 
 def icu_dose(action: int) -> str:
@@ -268,7 +323,7 @@ def choice_conclusion(
         more=more,
         before=unasked,
         changes=worth,
-        result=ResultTable("", ("alternative", "worth", "range", "choice"), rows),
+        result=ResultTable("Choice", ("alternative", "worth", "range", "choice"), rows),
         settled=settled,
         early=f"By your answers so far “{result.name}” is best. They are not checked yet.",
     )
@@ -292,11 +347,12 @@ def _worth(told: InWords, names: Sequence[str], shares: Floats, result: Choice) 
     low, high = bounds_of(result.comparator, shares)
     points = product(tail_sums(shares), np.diff(best_guess(result.comparator)))
     order = np.argsort(-points, kind="stable").tolist()
+    narrow = np.minimum(high, 1.0) - np.maximum(low, 0.0) <= _NARROW
     rows = tuple(
         (
             printable(names[i]),
             *(f"{100 * share:.3g}" for share in shares[i, ::-1]),
-            f"{100 * points[i]:.0f}",
+            f"{100 * points[i]:.0f}" if narrow[i] else "not known yet",
             f"{100 * max(low[i], 0.0):.0f} to {100 * min(high[i], 1.0):.0f}",
         )
         for i in order
@@ -307,7 +363,7 @@ def _worth(told: InWords, names: Sequence[str], shares: Floats, result: Choice) 
         rows,
         f"In 100 {printable(told.words.unit)} of each. Worth is from 0, if all were "
         f"“{printable(labels[0])}”, to 100, if all were “{printable(labels[-1])}”: the best guess, "
-        "and its range.",
+        "and its range. A worth whose range covers more than half of that is not known yet.",
         "alternative",
     )
 

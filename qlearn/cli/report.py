@@ -42,9 +42,9 @@ def add_to(commands: Any) -> None:
         help="make one report of several people's logs",
         description="Makes one report of the logs of several people who answered about the same "
         "problem: each one's scale, how far they agree, and what it costs to follow one another. "
-        "Tables of scales, policies and answers are written beside it, as CSV and JSON. The logs "
-        "are not changed, and may be in use. Problem and settings are those of the logs, unless "
-        "options say otherwise.",
+        "Tables of scales, plans (or choices) and answers are written beside it, as CSV and "
+        "JSON. The logs are not changed, and may be in use. Problem and settings are those of the "
+        "logs, unless options say otherwise.",
     )
     command.set_defaults(command=run)
     command.add_argument(
@@ -147,12 +147,16 @@ def _common_recipe(named: Mapping[str, AnswerLog], given: Mapping[str, Any]) -> 
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """Findings in the log of one person: texts, tables, and the comparator that learned it."""
+    """Findings in the log of one person: texts, tables, and the comparator that learned it.
+
+    ``plan`` is the name of the table of what to do, or "".
+    """
 
     person: PersonFound
     tables: Mapping[str, list[dict[str, Any]]]
     comparator: Any
     entries: tuple[Any, ...]
+    plan: str
 
 
 def _write(
@@ -207,9 +211,10 @@ def _write(
     out.mkdir(parents=True, exist_ok=True)
     (out / "report.html").write_text(html, encoding="utf-8")
     names = ["report.html"]
+    plans = next((f"{one.plan.lower()}s" for one in found.values() if one.plan), "plans")
     tables = {
         name: [row for one in found.values() for row in one.tables[what]]
-        for what, name in (("scale", "scales"), ("policy", "policies"), ("answers", "answers"))
+        for what, name in (("scale", "scales"), ("plan", plans), ("answers", "answers"))
     }
     if following is not None:
         tables["following"] = [
@@ -255,9 +260,10 @@ def _found(
         )
         return _Found(
             person,
-            {what: _rows(interview, who, what) for what in ("scale", "policy", "answers")},
+            {what: _rows(interview, who, what) for what in ("scale", "plan", "answers")},
             interview.progress.comparator,
             interview.progress.entries,
+            next((one["name"] for one in end["downloads"] if one["what"] == "plan"), ""),
         )
 
 

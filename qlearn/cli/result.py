@@ -38,7 +38,7 @@ def add_to(commands: Any) -> None:
         "--out",
         type=Path,
         metavar="DIR",
-        help="also write report.html, and scale, policy and answers as .csv and .json",
+        help="also write report.html, and scale, plan (or choice) and answers as .csv and .json",
     )
 
 
@@ -94,9 +94,10 @@ def _write(interview: Interview, out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     (out / "report.html").write_text(interview.handle({"do": "report"})["html"], encoding="utf-8")
     names = ["report.html"]
-    for what in ("scale", "policy", "answers"):
+    for one in interview.handle({"do": "result"})["end"]["downloads"]:
         for form in ("csv", "json"):
-            text = interview.handle({"do": "download", "what": what, "format": form})["text"]
-            names.append(f"{what}.{form}")
+            wanted = {"do": "download", "what": one["what"], "format": form}
+            names.append(f"{one['name'].lower()}.{form}")
+            text = interview.handle(wanted)["text"]
             (out / names[-1]).write_text(text, encoding="utf-8")
     print(f"Written to {out}: {', '.join(names)}.")

@@ -8,6 +8,7 @@ import re
 import shlex
 import sys
 import unicodedata
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +20,7 @@ from qlearn.experiments.own_parts import Own
 from qlearn.experiments.settings import FROM_0, INNER, SHARE, NameOrOwn, Number
 
 if TYPE_CHECKING:
-    from elicit import Session, Subject
+    from elicit import AnswerLog, Session, Subject
     from qlearn.cli.teach_subjects import Taught
 
 _TAUGHT = tuple(name for name, entry in PROBLEMS.items() if entry.taught)
@@ -223,6 +224,7 @@ def run(
 ) -> int:
     """Run the command and return the exit code."""
     from elicit import AnswerLog, Session
+    from elicit.person.hosts.getting_ready import progress_said
     from elicit.person.showing import printable
     from qlearn.cli.teach_subjects import taught_by
     from qlearn.cli.teach_terminal import Terminal
@@ -285,22 +287,26 @@ def run(
             taught = taught_by(problem, comparator, days, unit, seed, tolerance, like)
             if taught.hint:
                 print(printable(taught.hint), file=sys.stderr, flush=True)
-            print("Getting ready ...", file=sys.stderr, flush=True)
             header = {**taught.header, **begun_with(path, recipe)}
             kept = stack.enter_context(AnswerLog(path, len(taught.subject.labels), header, who))
-            session = stack.enter_context(
-                Session(taught.make, kept, who=who, audit=audit, seed=seed)
-            )
+
+            def session_now() -> Session:
+                made = Session(taught.make, kept, who=who, audit=audit, seed=seed)
+                session = stack.enter_context(made)
+                if questions is not None:
+                    _say_plan(taught, session, questions)
+                return session
+
+            if how["web"]:
+                return _served(session_now, kept, taught.subject, shlex.join(again), how)
+            with progress_said():
+                session = session_now()
         # a package is missing, a problem cannot be, a log is in use, damaged, another's, or not to
         # be written
         except (ImportError, ValueError, OSError) as error:
             return fail(error)
         except KeyboardInterrupt:
             return 130
-        if questions is not None:
-            _say_plan(taught, session, questions)
-        if how["web"]:
-            return _served(session, taught.subject, shlex.join(again), how)
         return Terminal(session, taught.subject, shlex.join(again), questions).converse()
 
 
@@ -461,7 +467,13 @@ def begun_with(path: Path, recipe: dict[str, Any]) -> dict[str, Any]:
     return {RECIPE: header[RECIPE]} if RECIPE in header else {}
 
 
-def _served(session: Session, subject: Subject, again: str, how: SessionOptions) -> int:
+def _served(
+    session: Callable[[], Session],
+    log: AnswerLog,
+    subject: Subject,
+    again: str,
+    how: SessionOptions,
+) -> int:
     """Serve the page until Ctrl+C, and return the exit code."""
     from elicit.person.hosts.web import serve
     from elicit.person.showing import printable
@@ -477,7 +489,7 @@ def _served(session: Session, subject: Subject, again: str, how: SessionOptions)
     # a package is missing, an address lets others in, a port is in use
     except (ImportError, ValueError, OSError) as error:
         return fail(error)
-    kept = sum(not entry.repeat for entry in session.log.standing)
+    kept = sum(not entry.repeat for entry in log.standing)
     print(
         f"Kept: {kept} answer{'' if kept == 1 else 's'}. To go on:\n  {printable(again)}",
         flush=True,

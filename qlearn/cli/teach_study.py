@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from qlearn.cli.options import fail
 
 if TYPE_CHECKING:
-    from elicit import Session
+    from elicit import AnswerLog
     from qlearn.cli.teach_subjects import Taught
 
 
@@ -57,28 +57,33 @@ def run_study(
             taught = make()
             if taught.hint:
                 print(printable(taught.hint), file=sys.stderr, flush=True)
-            print("Getting ready ...", file=sys.stderr, flush=True)
             k, sessions = len(taught.subject.labels), dict[str, Session]()
+            logs = dict[str, AnswerLog]()
             for who, path in plan.paths.items():
                 header = {**taught.header, **plan.headers[who]}
-                log = stack.enter_context(AnswerLog(path, k, header, who))
-                session = Session(taught.make, log, who=who, audit=plan.audit, seed=plan.seed)
-                sessions[who] = stack.enter_context(session)
-            study = stack.enter_context(Study(sessions, taught.subject, plan.report))
-            serve_study(study, host, port, let_others_in=let_others_in)
+                logs[who] = stack.enter_context(AnswerLog(path, k, header, who))
+
+            def study_now() -> Study:
+                for who, log in logs.items():
+                    session = Session(taught.make, log, who=who, audit=plan.audit, seed=plan.seed)
+                    sessions[who] = stack.enter_context(session)
+                return stack.enter_context(Study(sessions, taught.subject, plan.report))
+
+            people = tuple(logs)
+            serve_study(study_now, host, port, people=people, let_others_in=let_others_in)
         # a package is missing, a problem cannot be, a log is in use, damaged, another's, or not to
         # be written, an address lets others in, a port is in use
         except (ImportError, ValueError, OSError) as error:
             return fail(error)
         except KeyboardInterrupt:
             return 130
-        kept = ", ".join(f"{who} {_answers(session)}" for who, session in sessions.items())
+        kept = ", ".join(f"{who} {_answers(log)}" for who, log in logs.items())
     print(printable(f"Kept: {kept}."))
     print(f"To go on:\n  {printable(plan.again)}")
     print(f"To make the report:\n  {printable(plan.report)}", flush=True)
     return 0
 
 
-def _answers(session: Session) -> str:
-    n = sum(not entry.repeat for entry in session.log.standing)
+def _answers(log: AnswerLog) -> str:
+    n = sum(not entry.repeat for entry in log.standing)
     return f"{n} answer{'' if n == 1 else 's'}"

@@ -33,6 +33,7 @@ from qlearn.cli.conclusions import (
     choice_holds,
     choice_stakes,
     icu_dose,
+    icu_state,
     policy_conclusion,
     policy_stakes,
 )
@@ -125,7 +126,8 @@ def taught_by(
     finer = f"For finer ones start again with --days {2 * days}: what you answered stays."
     names = icu_dose if problem == "icu-sepsis" else mdp.action_name
     said = ("patient states", "treatment") if problem == "icu-sepsis" else ("states", "plan")
-    told = InWords(mdp.labels, words, tolerance, *said, legend)
+    state_words = icu_state if problem == "icu-sepsis" else str
+    told = InWords(mdp.labels, words, tolerance, *said, legend, state_words)
     subject = Subject(
         mdp.labels,
         words,
@@ -243,7 +245,8 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
     preamble = (
         "The patients are alike at the start. Choose the group that you would rather see, as a "
         "whole. The SOFA score measures organ failure from 0 to 24, and higher is worse. The four "
-        "middle conditions are quarters of the patients in the data, not clinical categories."
+        "middle conditions are quarters of the patients in the data, not clinical categories. "
+        "Their scores are rounded."
     )
     legend = (
         "Not advice for treatment: the plan comes from a statistical model of recorded "
@@ -260,10 +263,10 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
         duration="Each patient stays in the condition shown for 30 days.",
         levels=(
             "Died in hospital",
-            "In intensive care, SOFA score above 8.6",
-            "In intensive care, SOFA score 6.5 to 8.6",
-            "In intensive care, SOFA score 4.7 to 6.5",
-            "In intensive care, SOFA score up to 4.7",
+            "In intensive care, the worst quarter: SOFA score about 9 or more",
+            "In intensive care, the second worst quarter: SOFA score about 7 or 8",
+            "In intensive care, the second best quarter: SOFA score about 5 or 6",
+            "In intensive care, the best quarter: SOFA score about 4 or less",
             "Alive and out of intensive care",
         ),
         purpose="It works out how good each condition is to you, and plans sepsis treatment to "

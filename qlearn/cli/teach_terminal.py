@@ -307,7 +307,7 @@ def report_lines(screen: dict[str, Any], width: int) -> list[str]:
     lines += [sentence for sentence in said if sentence]
     if end["scale"]:
         rows = [ScaleRow(**row) for row in end["scale"]]
-        lines += ["", *scale_report(rows, end["certainty"], width), ""]
+        lines += ["", *scale_report(rows, end["certainty"], width), *end["scale_notes"], ""]
     lines += end["statements"]
     if changes := end["changes"]:
         lines += _table_lines(changes)
@@ -355,7 +355,7 @@ def scale_report(rows: Sequence[ScaleRow], certainty: str, width: int) -> list[s
     lines = textwrap.wrap(said, width)
     for row in rows:
         known = "" if row.low == row.high else f"{row.low:.0f} to {row.high:.0f}"
-        guessed = row.asked and (row.low > 0 or row.high < 100)
+        guessed = row.known
         guess = f"{row.value:.0f}" if guessed else "unknown"
         picture = _bar(row.low, row.value if guessed else None, row.high, bar)
         line = f"    {row.label[:name]:{name}} {guess:>7}  {known:9}"

@@ -53,8 +53,11 @@ class Conclusion:
         Further sentences. An indented one is an item under the one before.
     changes
         What the answers change, as far as it holds for every plausible scale.
+    plan
+        What to do in every state, as a table.
     result
-        The result as a table to download.
+        The result as a table to download. Its title is the one name that screens and files give
+        it, such as "Plan".
     settled
         True if at most the tolerance can still be lost.
     early
@@ -69,6 +72,7 @@ class Conclusion:
     before: str = ""
     statements: tuple[str, ...] = ()
     changes: ResultTable | None = None
+    plan: ResultTable | None = None
     result: ResultTable | None = None
     settled: bool = False
     early: str = ""

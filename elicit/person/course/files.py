@@ -8,7 +8,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
-from elicit.person.course.conduct import choice_of
+from elicit.person.course.conduct import choice_of, differs, was_settled
 from elicit.tutors.answer_log import Entry
 
 _FORMULA = ("=", "+", "-", "@", "\t")  # with which a spreadsheet begins a formula
@@ -16,6 +16,10 @@ _FORMULA = ("=", "+", "-", "@", "\t")  # with which a spreadsheet begins a formu
 
 class ShowsCounts(Protocol):
     """A question as it is shown."""
+
+    @property
+    def labels(self) -> Sequence[str]:
+        """Names of the levels, worst first."""
 
     @property
     def as_seen(self) -> tuple[str, str, str]:
@@ -53,9 +57,15 @@ def as_json(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def answer_row(
-    number: int | None, entry: Entry, shown: ShowsCounts, sentence: str
+    number: int | None,
+    entry: Entry,
+    shown: ShowsCounts,
+    sentence: str,
+    in_conflict: bool = False,
 ) -> dict[str, Any]:
     """Return an answer as a row of a table: the question as it was shown, and all its counts.
+
+    The counts have a column for each side and level, best level first, such as ``a: well``.
 
     Parameters
     ----------
@@ -65,6 +75,8 @@ def answer_row(
     shown : Shown
     sentence : str
         The answer in words.
+    in_conflict : bool
+        True if the answer contradicts others.
 
     Returns
     -------
@@ -72,12 +84,13 @@ def answer_row(
     """
     counts = shown.record()
     seen_a, seen_b, same = shown.as_seen
+    best_first = [*enumerate(shown.labels)][::-1]
+    by_level = {f"{side}: {label}": counts[side][i] for side in "ab" for i, label in best_first}
     return {
         "number": number,
         "time": entry.metadata.get("time"),
         "who": entry.answer.who,
-        "a": " ".join(map(str, counts["a"])),
-        "b": " ".join(map(str, counts["b"])),
+        **by_level,
         "of": counts["of"],
         "unit": counts["unit"],
         "shown_a": seen_a,
@@ -86,11 +99,42 @@ def answer_row(
         "chosen": choice_of(entry.answer),
         "sentence": sentence,
         "seconds": entry.metadata.get("latency"),
-        "used": entry.used,
+        "used": use_of(entry, in_conflict),
         "withdrawn": entry.retracted,
         "repeat": entry.repeat,
         "id": entry.answer.query.id,
     }
+
+
+def use_of(entry: Entry, in_conflict: bool = False) -> str:
+    """Return whether an answer is learned from, and if not, why.
+
+    Parameters
+    ----------
+    entry : Entry
+    in_conflict : bool
+        True if the answer contradicts others.
+
+    Returns
+    -------
+    str
+        Begins with "yes", "no" or "check".
+    """
+    if entry.repeat:
+        if was_settled(entry):
+            return "check: it differed from the first answer, and was settled"
+        if entry.retracted:
+            return "no: taken back"
+        if differs(entry):
+            return "check: it differs from the first answer, which is the one learned from"
+        return "check: as the first answer, which is the one learned from"
+    if entry.retracted:
+        return "no: replaced after a check" if was_settled(entry) else "no: taken back"
+    if entry.answer.verdict is None:
+        return "no: it says cannot tell"
+    if not entry.used:
+        return "no: it contradicts others"
+    return "yes, though it contradicts others" if in_conflict else "yes"
 
 
 def _cell(value: Any) -> Any:

@@ -6,11 +6,12 @@ browser sends to this path alone. All that holds of a single page holds of each 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from elicit.person.hosts.getting_ready import StandIn
 from elicit.person.hosts.web_app import Door, application
 from elicit.person.showing import printable
 from elicit.person.study.study import Study
@@ -34,7 +35,8 @@ class Reception:
 
     Parameters
     ----------
-    study : Study
+    people : sequence of str
+        Their names. Until ``begin`` their pages say that the program gets ready.
     port : int
     hosts : iterable of str
         As of ``Door``.
@@ -42,17 +44,25 @@ class Reception:
         The beginning of every address.
     """
 
-    def __init__(self, study: Study, port: int, hosts: Iterable[str], origin: str) -> None:
-        self._study, self._origin = study, origin
+    def __init__(self, people: Sequence[str], port: int, hosts: Iterable[str], origin: str) -> None:
+        self._study: Study | None = None
+        self._begun, self._origin = StandIn(), origin
+        self._rooms = {who: StandIn() for who in people}
         names = frozenset(hosts)
         self._doors = {
             who: Door(port, names, f"/{number}/", _ASK, _KEPT)
-            for number, who in enumerate(study.people, 1)
+            for number, who in enumerate(people, 1)
         }
         self._runner = Door(port, names, f"/{RUNNER}/")
         self._nobody = Door(port, names, "/", _ASK, _KEPT)
         for door in self._doors.values():
             door.new_token()
+
+    def begin(self, study: Study) -> None:
+        """Let each person's interview take the messages from their page."""
+        self._study = study
+        for who, interview in study.interviews.items():
+            self._rooms[who].give_way(interview)
 
     def links(self) -> dict[str, str]:
         """Return each person's link that was not opened yet."""
@@ -68,7 +78,7 @@ class Reception:
     def application(self) -> ASGIApp:
         """Return the application."""
         rooms: dict[str, ASGIApp] = {
-            door.path.strip("/"): application(self._study.interviews[who], door, "person.html")
+            door.path.strip("/"): application(self._rooms[who], door, "person.html")
             for who, door in self._doors.items()
         }
         rooms[RUNNER] = application(self, self._runner, "runner.html")
@@ -98,6 +108,8 @@ class Reception:
             For something that is no message.
         """
         parts = dict(message)
+        if self._study is None:
+            return self._begun.handle(parts)
         if parts.get("do") == "link":
             door = next(
                 (d for who, d in self._doors.items() if printable(who) == parts.get("who")), None

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import sys
 import threading
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 
+from elicit.person.hosts.getting_ready import progress_said
 from elicit.person.hosts.web import PageServer, lines_entered
 from elicit.person.study.study import Study
 
@@ -18,12 +20,13 @@ class StudyServer(PageServer):
 
     Each person has a link of their own, which leads to their page alone. Whoever runs the study has
     a page that says who has answered how much, makes new links, and ends the study. Other arguments
-    and errors are those of ``PageServer``. The study stays open.
+    and errors are those of ``PageServer``. The study stays open. study: or the names of its people,
+    if it is not there yet. The pages then say that the program gets ready, until ``begin``.
     """
 
     def __init__(
         self,
-        study: Study,
+        study: Study | Sequence[str],
         host: str = "127.0.0.1",
         port: int = 0,
         *,
@@ -32,8 +35,15 @@ class StudyServer(PageServer):
         super().__init__(host, port, let_others_in=let_others_in)
         from elicit.person.hosts.study_app import Reception
 
-        self._reception = Reception(study, self.port, self.hosts, self.origin)
+        people = study.people if isinstance(study, Study) else study
+        self._reception = Reception(people, self.port, self.hosts, self.origin)
+        if isinstance(study, Study):
+            self._reception.begin(study)
         self.serve_app(self._reception.application())
+
+    def begin(self, study: Study) -> None:
+        """Serve the pages of this study, once, if there was none before."""
+        self._reception.begin(study)
 
     def links(self) -> dict[str, str]:
         """Return each person's link that was not opened yet. It lets in one browser, once."""
@@ -45,17 +55,25 @@ class StudyServer(PageServer):
 
 
 def serve_study(
-    study: Study, host: str = "127.0.0.1", port: int = 0, *, let_others_in: bool = False
+    study: Study | Callable[[], Study],
+    host: str = "127.0.0.1",
+    port: int = 0,
+    *,
+    people: Sequence[str] = (),
+    let_others_in: bool = False,
 ) -> None:
     """Serve the pages of a study until Ctrl+C.
 
     Prints each person's link, a line of standard output with the name, and the address of the page
     of whoever runs it; a new one of the latter for each line of standard input. Arguments and
-    errors as of ``StudyServer``.
+    errors as of ``StudyServer``. study: or a function that makes it, which is called once the links
+    of these ``people`` are printed. What it raises is raised.
     """
     with (
         suppress(KeyboardInterrupt),  # a second one, while the first one is heeded
-        StudyServer(study, host, port, let_others_in=let_others_in) as server,
+        StudyServer(
+            study if isinstance(study, Study) else people, host, port, let_others_in=let_others_in
+        ) as server,
         suppress(KeyboardInterrupt),
     ):
         for who, link in server.links().items():
@@ -68,6 +86,9 @@ def serve_study(
             file=sys.stderr,
             flush=True,
         )
+        if not isinstance(study, Study):
+            with progress_said():
+                server.begin(study())
         for _ in lines_entered():
             print(f"Your own page: {server.new_address()}", flush=True)
         threading.Event().wait()

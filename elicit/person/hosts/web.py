@@ -12,12 +12,13 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from elicit._support.closing import Closing
 from elicit._support.distribution import with_advice
+from elicit.person.hosts.getting_ready import StandIn, progress_said
 from elicit.person.interview import Interview, Subject
 from elicit.person.session import Session
 
@@ -105,12 +106,13 @@ class WebServer(PageServer):
     """The page of a session, served by a thread of its own from now until ``close``.
 
     Arguments and errors as of ``PageServer``. Several servers must not share a session, which stays
-    open.
+    open. session: None if it is not there yet. The page then says that the program gets ready,
+    until ``begin``.
     """
 
     def __init__(
         self,
-        session: Session,
+        session: Session | None,
         subject: Subject,
         host: str = "127.0.0.1",
         port: int = 0,
@@ -121,8 +123,15 @@ class WebServer(PageServer):
         from elicit.person.hosts.web_app import Door, application
 
         self._door = Door(self.port, self.hosts)
-        self._interview = Interview(session, subject)
-        self.serve_app(application(self._interview, self._door))
+        self._subject = subject
+        self._interview = None if session is None else Interview(session, subject)
+        self._stand_in = StandIn()
+        self.serve_app(application(self._interview or self._stand_in, self._door))
+
+    def begin(self, session: Session) -> None:
+        """Serve the page of this session, once, if there was none before."""
+        self._interview = Interview(session, self._subject)
+        self._stand_in.give_way(self._interview)
 
     def new_address(self) -> str:
         """An address that lets in one browser, once; the one before does not any more."""
@@ -131,11 +140,12 @@ class WebServer(PageServer):
     def close(self) -> None:
         """Stop the server, once requests under way are answered, or after a few seconds."""
         super().close()
-        self._interview.close()
+        if self._interview is not None:
+            self._interview.close()
 
 
 def serve(
-    session: Session,
+    session: Session | Callable[[], Session],
     subject: Subject,
     host: str = "127.0.0.1",
     port: int = 0,
@@ -145,11 +155,13 @@ def serve(
     """Serve the page of a session until Ctrl+C.
 
     Prints the address, a line of standard output, and a new one for each line of standard input:
-    each lets in one browser, once. Arguments and errors as of ``WebServer``.
+    each lets in one browser, once. Arguments and errors as of ``WebServer``. session: or a function
+    that makes it, which is called once the address is printed. What it raises is raised.
     """
+    there = session if isinstance(session, Session) else None
     with (
         suppress(KeyboardInterrupt),  # a second one, while the first one is heeded
-        WebServer(session, subject, host, port, let_others_in=let_others_in) as server,
+        WebServer(there, subject, host, port, let_others_in=let_others_in) as server,
         suppress(KeyboardInterrupt),
     ):
         print(server.new_address(), flush=True)
@@ -159,6 +171,9 @@ def serve(
             file=sys.stderr,
             flush=True,
         )
+        if not isinstance(session, Session):
+            with progress_said():
+                server.begin(session())
         for _ in lines_entered():
             print(server.new_address(), flush=True)
         threading.Event().wait()

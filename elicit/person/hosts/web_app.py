@@ -12,9 +12,9 @@ import json
 import logging
 import secrets
 import threading
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from anyio import CapacityLimiter, to_thread
 from starlette.applications import Starlette
@@ -26,6 +26,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from elicit.person.hosts.getting_ready import Takes
 from elicit.person.interview import SavedWithoutScreen
 from elicit.tutors.log_file import BadLog
 
@@ -119,17 +120,6 @@ class Impatient(H11Protocol):
     def _give_up(self) -> None:
         if self.cycle is None and not self.transport.is_closing():
             self.transport.close()
-
-
-class Takes(Protocol):
-    """Whoever takes the messages of a page, such as an ``Interview``."""
-
-    @property
-    def who(self) -> str:
-        """Whose page it is, for messages to whoever runs the program."""
-
-    def handle(self, message: Mapping[str, Any], /) -> dict[str, Any]:
-        """Return the reply to a message."""
 
 
 class Door:

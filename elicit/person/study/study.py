@@ -204,6 +204,7 @@ def agreed_so_far(
                     "low": rows[i].low,
                     "high": rows[i].high,
                     "asked": rows[i].asked,
+                    "known": rows[i].known,
                 }
                 for who, rows in scales.items()
             ],

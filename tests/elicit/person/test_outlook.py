@@ -29,6 +29,7 @@ from elicit import (
     Words,
     choose,
 )
+from elicit.person.course.forecast import Stated
 from elicit.person.outlook import Outlook, what_is_open
 from elicit.person.showing import show
 from qlearn import InteractivePolicyIteration, random_mdp
@@ -292,3 +293,18 @@ def prospects_of(
             assert time.monotonic() < until
             threading.Event().wait(0.01)
         return found
+
+
+def test_a_loss_that_rose_since_it_was_stated_says_why() -> None:
+    asker = learning(())
+    query = asker.ask()[0]
+    for before, said in ((0.0, True), (1.0, False), (None, False)):
+        found = Outlook(asker, show(query), query, lambda _: "Much.", lambda _: True, 0)
+        found.stated = Stated(before)
+        for _ in found.steps():
+            pass
+        assert found.loss is not None
+        assert found.loss > 0
+        assert (found.why[1] != "Much.") == said
+        assert found.why[1].startswith("Much.")
+        assert ("changed the plan" in found.why[1]) == said

@@ -28,8 +28,10 @@ def test_the_changes_listed_are_the_certain_ones(name: str, seed: int) -> None:
     equal, found = equal_gaps_policy(mdp), set()
     for _ in range(10):
         result = learner.result()
-        changes = policy_conclusion(told, mdp, mdp.action_name, result, None).changes
+        found_now = policy_conclusion(told, mdp, mdp.action_name, result, None)
+        changes, plan = found_now.changes, found_now.plan
         assert changes is not None
+        assert plan is not None
         states = np.flatnonzero(equal != result.policy)
         d = result.q[states, result.policy[states]] - result.q[states, equal[states]]
         certain = states[result.comparator.compare(d) == 1] if len(states) else states
@@ -38,6 +40,12 @@ def test_the_changes_listed_are_the_certain_ones(name: str, seed: int) -> None:
             for s in certain.tolist()
         ]
         n, rest = len(certain), len(states) - len(certain)
+        said_of = dict.fromkeys(states.tolist(), "changed, not certain")
+        said_of |= dict.fromkeys(certain.tolist(), "changed, certain")
+        assert [*plan.rows] == [
+            (mdp.state_name(s), mdp.action_name(result.policy[s]), said_of.get(s, "not changed"))
+            for s in range(8)
+        ]
         still_open = [] if changes.open is None else [row[0] for row in changes.open.rows]
         assert still_open == [mdp.state_name(s) for s in states.tolist() if s not in certain]
         if changes.open is not None:

@@ -186,11 +186,11 @@ def test_after_few_answers_only_what_holds_for_every_plausible_scale_is_claimed(
         for state, other, mine in listed:
             s, (a, b) = names[state], (int(mine), int(other))
             assert (((result.q[s, a] - result.q[s, b]) @ scales.T) > 0).all()
-        table = {row["state"]: row["change"] for row in interview.table("policy")}
+        table = {row["state"]: row["change"] for row in interview.table("plan")}
         certain = [state for state, change in table.items() if change == "certain"]
         assert certain == [row[0] for row in listed]
         unknown = [row["value"] is None for row in interview.table("scale")]
-        assert unknown == [not row["asked"] for row in end["scale"]]
+        assert unknown == [not row["known"] for row in end["scale"]]
 
 
 @pytest.mark.slow
@@ -399,6 +399,25 @@ def test_after_the_end_more_is_asked_until_the_scale_is_known() -> None:
         assert not after["more"]
 
 
+def test_taking_back_an_answer_says_what_became_of_the_result() -> None:
+    told = taught()
+    with (
+        Session(told.make, AnswerLog(), audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        person = Person(interview, truthful(np.array([0, 0.2, 0.45, 0.7, 1.0])))
+        assert person.until("end")["end"]["settled"]
+        for _ in range(4):
+            before = interview.progress.settled
+            last = session.log.standing[0].answer.query.id
+            screen = interview.handle({"do": "withdraw", "id": last})
+            settled = bool(screen["end"] and screen["end"]["settled"])
+            assert ("The result is no longer settled" in screen["note"]) == (before and not settled)
+            assert ("The result is still settled" in screen["note"]) == (before and settled)
+            if settled:
+                assert "that you took back" in screen["end"]["sure"]
+
+
 def test_downloads_are_those_of_the_screens() -> None:
     told = taught()
     with (
@@ -406,16 +425,19 @@ def test_downloads_are_those_of_the_screens() -> None:
         Interview(session, told.subject) as interview,
     ):
         screen = Person(interview, truthful(np.array([0, 0.2, 0.45, 0.7, 1.0]))).until("end")
-        assert screen["end"]["downloads"] == ["scale", "policy", "answers"]
+        assert [d["what"] for d in screen["end"]["downloads"]] == ["scale", "plan", "answers"]
         rows = interview.table("answers")
         assert len(rows) == len(session.log)
         for row, entry in zip(rows, session.log, strict=True):
             shown = next(a for a in reversed(session.log.asked) if a.query.id == row["id"])
-            assert [int(n) for n in row["a"].split()] == shown.metadata["shown"]["a"]
+            by_level = [row[f"a: {label}"] for label in told.subject.labels]
+            assert by_level == shown.metadata["shown"]["a"]
+            kind = "check" if entry.repeat else "yes" if entry.used else "no"
+            assert row["used"].split()[0].strip(":,") == kind
             assert row["chosen"] in ALIKE
             assert row["repeat"] == entry.repeat
-        reply = interview.handle({"do": "download", "what": "policy", "format": "csv"})
-        assert reply["name"].startswith("a-random-problem-policy-")
+        reply = interview.handle({"do": "download", "what": "plan", "format": "csv"})
+        assert reply["name"].startswith("a-random-problem-plan-")
         assert reply["text"].count("\n") == 1 + np.count_nonzero(~MDP.terminal)
         for wrong in ({"what": "log", "format": "csv"}, {"what": "scale", "format": "xml"}):
             with pytest.raises(ValueError, match="what is scale"):

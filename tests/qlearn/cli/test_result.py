@@ -44,7 +44,7 @@ def test_it_says_what_the_answers_say_and_leaves_the_log_as_it_is(
     assert [row["id"] for row in answers] == [e.answer.query.id for e in AnswerLog.read(log)]
     scale = [*csv.DictReader(Path("found/scale.csv").read_text().splitlines())]
     assert [row["level"] for row in scale] == ["well", "ill", "died"]
-    policy = json.loads(Path("found/policy.json").read_text())
+    policy = json.loads(Path("found/choice.json").read_text())
     assert sum(row["choice"] == "chosen" for row in policy) == 1
     report = Path("found/report.html").read_text()
     for said in ("Comparator", "posterior", "Seed", "Person", "answers-care.jsonl"):

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from elicit import AnswerLog, Bags, Interview, PolytopeComparator, Session, Verdict, Words
+from elicit.person.hosts.getting_ready import SAID
 from qlearn import (
     InteractivePolicyIteration,
     OrdinalMDP,
@@ -131,7 +132,7 @@ def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: P
     with Teach(tmp_path, "--problem", "random", "--comparator", comparator, "--seed", "3") as teach:
         keys = answer_all(teach, VALUES)
         code, errors = teach.leave()
-    assert (code, errors) == (0, "Getting ready ...\n")
+    assert (code, errors) == (0, f"{SAID}\n")
     assert len(keys) > 3
     assert {"a", "b"} <= {*keys}  # left and right are at random
     log = AnswerLog.read(tmp_path / "answers-random.jsonl")

@@ -232,8 +232,8 @@ def test_a_report_has_everything_and_leaves_the_logs_as_they_are(
     assert not re.search(r"<script|https?://|src=", html)
     for name, columns in (
         ("scales", {"person", "level", "value", "low", "high"}),
-        ("policies", {"person", "alternative", "choice"}),
-        ("answers", {"person", "a", "b", "chosen"}),
+        ("choices", {"person", "alternative", "choice"}),
+        ("answers", {"person", "a: well", "b: died", "chosen", "used"}),
         ("following", {"person", "follows", "loss", "at_most"}),
     ):
         rows = json.loads(Path(f"found/{name}.json").read_text())
@@ -254,8 +254,10 @@ def test_at_the_end_it_says_how_many_answers_of_each_were_kept(
     monkeypatch.chdir(tmp_path)
     Path("care.csv").write_text(TABLE)
 
-    def served(study: Any, *_: Any, **__: Any) -> None:
+    def served(make: Any, *_: Any, people: Any, **__: Any) -> None:
         """Three people answer, of whom the last takes the first answer back."""
+        assert people == ("ann", "ben", "chen")
+        study = make()
         for who, n in (("ben", 1), ("chen", 3)):
             interview = study.interviews[who]
             screen = interview.handle({"do": "practised", "choice": "a"})

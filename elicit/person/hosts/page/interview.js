@@ -94,12 +94,25 @@ export function mount(root, send, options = {}) {
   const show = (message, lost, wait) =>
     act(
       async () => {
-        screen = await send(message);
+        screen = await send(message, preparing);
         view = remarked = "stage";
       },
       lost,
       wait,
     );
+
+  // The program is not ready yet: it has been getting ready for so many seconds.
+  function preparing(seconds) {
+    if (!screen && !body.firstChild) {
+      progress.replaceChildren(part("b", "", {}, ["Getting ready"]));
+      body.replaceChildren(
+        part("h1", "heading", {}, ["Getting ready"]),
+        part("p", "", {}, [PREPARING]),
+        part("p", "soft", {}, ["This page goes on by itself."]),
+      );
+    }
+    say(waiting, `Getting ready: ${seconds} s so far`);
+  }
 
   function answer(choice, words) {
     if (screen.stage === "practice") return show({ do: "practised", choice });
@@ -483,6 +496,7 @@ export function mount(root, send, options = {}) {
 
   function end() {
     const { open, scale, certainty, statements, conflicts, changes, caution, remarks, settled, more } = screen.end;
+    const { plan, scale_notes: notes } = screen.end;
     const top = [part("p", settled ? "status good" : "status", {}, [settled ? "✓ Settled" : "Not settled"])];
     for (const said of [caution, ...remarks].filter(Boolean)) top.push(part("p", "caution", {}, [said]));
     const facts = [
@@ -496,8 +510,9 @@ export function mount(root, send, options = {}) {
     const parts = [part("section", "panel", {}, top)];
     if (open) parts.push(part("p", "same", {}, [open]));
     parts.push(...conflicts.map(conflict));
-    if (scale.length) parts.push(worth(scale, certainty, conflicts));
+    if (scale.length) parts.push(worth(scale, certainty, notes));
     if (changes) parts.push(changed(changes));
+    if (plan) parts.push(whole(plan));
     if (statements.length) parts.push(section("What else follows", lines(statements)));
     parts.push(section("Downloads", [files(screen.end.downloads)]));
     const rest = screen.end.limits.map((line) => part("p", "soft small", {}, [line]));
@@ -506,13 +521,13 @@ export function mount(root, send, options = {}) {
   }
 
   function files(downloads) {
-    const rows = downloads.map((what) => {
+    const rows = downloads.map(({ what, name }) => {
       const buttons = ["csv", "json"].map((format) => {
         const made = button("back", format.toUpperCase(), () => download(what, format));
-        made.setAttribute("aria-label", `${FILES[what][0]} as ${format.toUpperCase()}`);
+        made.setAttribute("aria-label", `${name} as ${format.toUpperCase()}`);
         return made;
       });
-      const words = part("span", "", {}, [part("b", "", {}, [FILES[what][0]]), ` ${FILES[what][1]}`]);
+      const words = part("span", "", {}, [part("b", "", {}, [name]), ` ${FILES[what]}`]);
       return part("li", "", {}, [words, part("span", "buttons", {}, buttons)]);
     });
     return part("ul", "list", {}, rows);
@@ -530,7 +545,17 @@ export function mount(root, send, options = {}) {
     return section(title, made);
   }
 
-  function folded(title, columns, rows, of, said, id) {
+  // What to do everywhere, whether the answers change it, and whether that is certain.
+  function whole({ title, note: remark, columns, rows, of }) {
+    const kinds = [...new Set(rows.map((row) => row.at(-1)))];
+    return section(title, [
+      part("p", "soft", {}, [remark]),
+      folded(title, columns, rows, of, [], "elicit-filter-plan", kinds.length > 1 ? kinds : []),
+    ]);
+  }
+
+  // A table that is folded and can be filtered: by words, and by the `kinds` of its last column.
+  function folded(title, columns, rows, of, said, id, kinds = []) {
     const found = part("p", "soft small", { role: "status" }, [`${rows.length} of ${rows.length} shown`]);
     const field = part("input", "field", { type: "search", id, autocomplete: "off" });
     const lines = rows.map(([first, ...cells]) =>
@@ -539,15 +564,21 @@ export function mount(root, send, options = {}) {
         ...cells.map((cell, i) => part("td", "", { role: "cell", "data-head": columns[i + 1] }, [cell])),
       ]),
     );
-    field.addEventListener("input", () => {
+    const kind = part("select", "field", { id: `${id}-kind`, "aria-label": `Show only, by ${columns.at(-1).toLowerCase()}` }, [
+      part("option", "", { value: "" }, ["all"]),
+      ...kinds.map((one) => part("option", "", { value: one }, [`${one} (${rows.filter((row) => row.at(-1) === one).length})`])),
+    ]);
+    const filter = () => {
       const wanted = field.value.trim().toLowerCase();
       let n = 0;
       for (const [i, line] of lines.entries()) {
-        line.hidden = !rows[i].join(" ").toLowerCase().includes(wanted);
+        line.hidden = !rows[i].join(" ").toLowerCase().includes(wanted) || Boolean(kind.value && rows[i].at(-1) !== kind.value);
         n += !line.hidden;
       }
       say(found, `${n} of ${rows.length} shown`);
-    });
+    };
+    field.addEventListener("input", filter);
+    kind.addEventListener("change", filter);
     const heads = columns.map((column) => part("th", "", { scope: "col", role: "columnheader" }, [column]));
     const table = part("table", columns.length > 3 ? "changes many" : "changes", { role: "table" }, [
       part("thead", "", { role: "rowgroup" }, [part("tr", "", { role: "row" }, heads)]),
@@ -556,8 +587,9 @@ export function mount(root, send, options = {}) {
     const label = part("label", "", { for: id }, ["Filter the table "]);
     const scrolls = part("div", rows.length > FEW ? "scrolls" : "scrolls all", { tabindex: "0", role: "region", "aria-label": title }, [table]);
     const words = rows.length === 1 ? `Show the ${of}` : `Show the ${rows.length} ${of}s`;
-    const filter = rows.length > FEW ? [part("div", "filter", {}, [label, field, found])] : [];
-    return part("details", "panel", {}, [part("summary", "", {}, [words]), ...said, ...filter, scrolls]);
+    const choice = kinds.length ? [part("label", "", { for: `${id}-kind` }, ["Show "]), kind] : [];
+    const filters = rows.length > FEW ? [part("div", "filter", {}, [label, field, ...choice, found])] : [];
+    return part("details", "panel", {}, [part("summary", "", {}, [words]), ...said, ...filters, scrolls]);
   }
 
   // Answers that contradict each other, each of which can be taken back.
@@ -594,7 +626,7 @@ export function mount(root, send, options = {}) {
       const number = counts ? [part("span", "soft", {}, [`${one.number}. `])] : [];
       const said = part("span", "", {}, [...number, part(counts ? "span" : "s", "", {}, [one.sentence])]);
       const words = part("span", "words", {}, [said]);
-      words.append(...tags.map((tag) => part("span", "tag", {}, [tag])));
+      words.append(...tags.map((tag) => part("span", PLAIN.has(tag) ? "tag plain" : "tag", {}, [tag])));
       const when = one.time && new Date(one.time).toLocaleString(undefined, WHEN);
       if (when) words.append(part("time", "soft", { datetime: one.time }, [when]));
       return part("li", counts ? "" : "gone", {}, one.withdrawn ? [words] : [words, back(one.id, one.sentence)]);
@@ -677,6 +709,7 @@ export function mount(root, send, options = {}) {
 const FEW = 12; // rows that need no filter, and are shown at once
 const NEXT = { words: "Working out what comes next ...", after: SLOW };
 const RESULT = { words: "Working out your result ...", after: 50 };
+const PREPARING = "This takes a few seconds. The first start on a computer compiles, which takes up to two minutes.";
 const TRY = "Practice question: your answer is not saved.";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
 const UNFORESEEN = "How far each of these gets cannot be foreseen here. You will see it as you go.";
@@ -685,10 +718,11 @@ const MENDS = "Withdrawing any one of them fixes it. The others stay.";
 const STAYS = "stays"; // returned by what changes nothing on the screen
 const WHEN = { dateStyle: "medium", timeStyle: "short" };
 const FILES = {
-  scale: ["Scale", "the value and range of each level"],
-  policy: ["Result", "what is chosen, and where your answers change it"],
-  answers: ["Answers", "each one, with both sides as you saw them"],
+  scale: "the value and range of each level",
+  plan: "what is chosen, and where your answers change it",
+  answers: "each one, with both sides as you saw them, and whether it is used",
 };
+const PLAIN = new Set(["asked again as a check", "settled since"]); // no fault of the answer
 const REMEMBERED = "elicit: letter keys";
 
 // Whether letters answer, as it was set last in this browser, which may forbid to remember anything.
@@ -789,37 +823,33 @@ export function colourOf(level, levels) {
   return `rgb(${COLOURS[low].map((x, i) => Math.round(x + (at - low) * (COLOURS[low + 1][i] - x))).join(",")})`;
 }
 
-// Whether the answers say anything about a level.
-const isKnown = ({ low, high, asked }) => asked && !(low <= 0 && high >= 100);
-
-// What the levels are worth, as a table whose middle column is a picture. A level that no answer is about is unknown.
-function worth(scale, certainty) {
+// What the levels are worth, as a table whose middle column is a picture. A level of which too little is known has no
+// best guess.
+function worth(scale, certainty, notes) {
   const head = ["Level", null, "Best guess", "Range"].map((words) =>
     words
       ? part("th", "", { scope: "col", role: "columnheader" }, [words])
       : part("td", "drawn", { role: "cell" }, [axis()]),
   );
   const rows = scale.map((row, i) => {
-    const { label, value, low, high, asked } = row;
+    const { label, value, low, high, asked, known } = row;
     const range = low === high ? "fixed" : `${low} to ${high}`;
-    const known = isKnown(row);
     const name = asked ? [label] : [label, part("span", "soft small never", {}, ["never asked"])];
     return part("tr", "", { role: "row" }, [
       part("th", "", { scope: "row", role: "rowheader" }, name),
       part("td", "drawn", { role: "cell" }, [
         interval(low, value, high, colourOf(scale.length - 1 - i, scale.length), known),
       ]),
-      part("td", "number", { role: "cell" }, [known ? String(Math.round(value)) : "unknown"]),
+      part("td", "number", { role: "cell" }, [known ? String(Math.round(value)) : "not known yet"]),
       part("td", "number", { role: "cell" }, [range]),
     ]);
   });
   const said =
     "From 0, the worst level, to 100, the best. A level at 60 is as good to you as 60 of 100 at the best level and 40 " +
-    "at the worst. The bar is the range, and the dot is the best guess." +
-    (scale.every(isKnown) ? "" : " A dashed bar is a level that is still unknown.");
+    "at the worst. The bar is the range, and the dot is the best guess.";
   // roles, because a narrow page lays the rows out as a grid, which takes the table's own roles away
   const table = part("table", "worth", { role: "table" }, [
-    part("caption", "soft", {}, [`${said} The ranges hold ${certainty}.`]),
+    part("caption", "soft", {}, [[said, `The ranges hold ${certainty}.`, ...notes].join(" ")]),
     part("thead", "", { role: "rowgroup" }, [part("tr", "", { role: "row" }, head)]),
     part("tbody", "", { role: "rowgroup" }, rows),
   ]);

@@ -42,7 +42,7 @@ root.replaceChildren(sheet);
 async function ask(message, said = "") {
   busy = true;
   try {
-    const reply = await send(message);
+    const reply = await send(message, (seconds) => say(`Getting ready: ${seconds} s so far. Links can be sent by then.`));
     banner.hidden = true;
     say(said);
     return reply;
@@ -149,17 +149,17 @@ function agreeing({ few, levels, certainty, questions, groups, people: who }) {
   if (few) return [section("Agreement so far", [part("p", "soft", {}, [few])])];
   const said =
     "Each level's value to each person, from 0, the worst level, to 100, the best. The bar is the range, " +
-    "and the dot is the best guess. A dashed bar is a level that none of the person's answers is about. " +
+    "and the dot is the best guess. A dashed bar is a level that is not known yet: its range is still wide, or none of the person's answers is about it. " +
     `The ranges hold ${certainty}.`;
   const rows = levels.flatMap(({ label, each }, i) => [
     part("tr", "first", {}, [part("th", "level", { scope: "rowgroup", colspan: "3" }, [label])]),
     ...each.map((one) => {
       const range = one.low === one.high ? "fixed" : `${one.low} to ${one.high}`;
-      const guess = one.asked ? `${Math.round(one.value)} (${range})` : `unknown (${range})`;
+      const guess = one.known ? `${Math.round(one.value)} (${range})` : `not known yet (${range})`;
       const colour = colourOf(levels.length - 1 - i, levels.length);
       const cells = [
         part("th", "name", { scope: "row" }, [one.who]),
-        part("td", "drawn", {}, [interval(one.low, one.value, one.high, colour, one.asked)]),
+        part("td", "drawn", {}, [interval(one.low, one.value, one.high, colour, one.known)]),
         part("td", "number", {}, [one.low === one.high ? String(one.low) : guess]),
       ];
       return part("tr", "", {}, cells);
@@ -197,7 +197,7 @@ function agreeing({ few, levels, certainty, questions, groups, people: who }) {
 function closing({ ended, report, facts }) {
   const parts = [];
   if (report) {
-    parts.push(part("p", "", {}, ["This command makes the report, with tables of scales, policies and answers. It can be run at any time:"]));
+    parts.push(part("p", "", {}, ["This command makes the report, with tables of scales, plans or choices, and answers. It can be run at any time:"]));
     parts.push(part("p", "command", {}, [report]));
   }
   if (!ended && asking) {

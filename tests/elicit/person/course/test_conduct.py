@@ -105,7 +105,13 @@ def test_checks_are_passed_or_look_like_chance(
 ) -> None:
     one = Conduct(20, 20, alike + differed, differed, "a", 1)
     assert (one.passed, one.like_chance) == (passed, chance)
-    assert one.by_chance == f"Someone who guesses would do as well in {cases}."
+    said = f"Someone who guesses would do as well in {cases.replace('cases', 'such interviews')}"
+    if "half" in cases:
+        said = "Someone who guesses would do as well in half of such interviews or more"
+    rare = {"32", "28", "30"} & {*cases.split()}
+    tell = "hardly look like guesses" if rare else "cannot be told from guesses yet"
+    means = "" if "half" in cases else f", so your answers {tell}"
+    assert one.by_chance == f"{said}{means}."
     assert (one.caution() is not None) == (chance or (one.checks >= 11 and not passed))
 
 
@@ -151,3 +157,14 @@ def test_an_answer_against_the_order_of_the_levels_is_a_check_that_differs() -> 
         query = Query(f"{ORDER}{level}", np.eye(3)[level], np.eye(3)[level - 1])
         log.append(Answer(query, verdict))
     assert (conduct(log).checks, conduct(log).differed) == (2, 1)
+
+
+@pytest.mark.parametrize(
+    ("back", "differed", "given", "said"),
+    [(4, 1, 20, True), (4, 0, 12, False), (3, 1, 12, False), (4, 1, 25, False), (3, 2, 20, True)],
+)
+def test_answers_taken_back_and_checks_that_differ_count_together(
+    back: int, differed: int, given: int, said: bool
+) -> None:
+    one = Conduct(given - back, given - back, 9, differed, "a", 1, taken_back=back)
+    assert ("You took back" in str(one.caution())) == said

@@ -661,3 +661,14 @@ def test_secrets_are_compared_in_constant_time(
         monkeypatch.setattr("hmac.compare_digest", lambda *_, same=same: same)
         token = visitor.fetch("GET", "/?token=x")[0]
         assert [token, visitor.fetch("GET", "/", cookie=f"{name}=x")[0]] == let_in
+
+
+def test_before_the_session_is_there_the_page_is_open_and_says_so(session: Session) -> None:
+    with WebServer(None, SUBJECT) as server:
+        visitor = Visitor(server.new_address())
+        assert visitor.fetch("GET", "/", cookie=visitor.cookie)[0] == 200
+        status, reply = visitor.post({"do": "state"})
+        assert (status, reply) == (200, {"getting_ready": reply["getting_ready"]})
+        assert reply["getting_ready"] >= 0
+        server.begin(session)
+        assert visitor.screen()["stage"] in ("welcome", "question")

@@ -23,7 +23,9 @@ def end(answered: int, **more: Any) -> dict[str, Any]:
 
 def each(low: float, value: float, high: float, asked: bool = True) -> list[dict[str, Any]]:
     """Return a level's value to a person, as the report has it."""
-    return [{"who": "a<b>n", "value": value, "low": low, "high": high, "asked": asked}]
+    return [
+        {"who": "a<b>n", "value": value, "low": low, "high": high, "asked": asked, "known": asked}
+    ]
 
 
 FEW = {"few": "Too few.", "levels": [], "certainty": "", "questions": [], "groups": []}
@@ -84,7 +86,7 @@ def test_a_report_has_a_row_and_the_words_for_each_person() -> None:
 def test_a_report_draws_each_level_for_each_person() -> None:
     page = page_of()
     text = text_of(page)
-    assert "well a<b>n 100 i<l>l a<b>n 40 (20 to 61) a<b>n unknown (0 to 100) died" in text
+    assert "well a<b>n 100 i<l>l a<b>n 40 (20 to 61) a<b>n not known yet (0 to 100) died" in text
     assert "The ranges hold for <sure>." in text
     assert page.count('stroke-dasharray="4 3"') == 1  # the level that no answer is about
     best, worst = "rgb(8,81,156)", "rgb(127,39,4)"
