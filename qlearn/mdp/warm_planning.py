@@ -29,7 +29,7 @@ _LOOK = 4  # sweeps between two measurements of their pace
 _WORTH = 40  # a linear system takes about as long as so many sweeps
 _ROUNDS = 200  # largest number of policies
 _ROUNDING = 1e-14  # sweeps need not get below this width
-_COARSE = 1e-5  # single precision sweeps shares to this width, a hundred times its rounding
+_COARSE = 4e-6  # single precision sweeps shares to this width, forty times its rounding
 _LARGE = (
     4_000_000  # from so many products in a sweep on, single precision is worth a copy of the chain
 )
