@@ -100,7 +100,7 @@ def nearly_valued(
     tails = np.full(gain.shape, 0.5) if start is None else np.ascontiguousarray(tail_sums(start))
     tails[mdp.terminal] = ends[mdp.terminal]
     shares = _shares_of(_followed(mdp, chain, gain, ends, tails, within, states))
-    if shares.min() < -within:
+    if (shares if states is None else shares[states]).min() < -within:
         # all columns were moved too far together, as can happen if some states already have all
         # that they will ever have; cutting off the negative part would tear states apart
         shares = _shares_of(valued(mdp, chain, gain, ends))
