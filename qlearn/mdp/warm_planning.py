@@ -29,7 +29,7 @@ _LOOK = 4  # sweeps between two measurements of their pace
 _WORTH = 40  # a linear system takes about as long as so many sweeps
 _ROUNDS = 200  # largest number of policies
 _ROUNDING = 1e-14  # sweeps need not get below this width
-_COARSE = 1e-5  # single precision sweeps shares to this width, a hundred times its rounding
+_COARSE = 4e-6  # single precision sweeps shares to this width, forty times its rounding
 _LARGE = (
     4_000_000  # from so many products in a sweep on, single precision is worth a copy of the chain
 )
@@ -40,40 +40,57 @@ _SLOW = 0.8  # sweeps that leave more than this share of the last width are too 
 
 @one_thread
 def nearly_optimal(
-    mdp: OrdinalMDP, gain: Floats, ends: Floats, start: Floats, within: float
+    mdp: OrdinalMDP,
+    gain: Floats,
+    ends: Floats,
+    start: Floats,
+    within: float,
+    last: Actions | None = None,
+    states: Actions | None = None,
 ) -> tuple[Floats, Actions, float]:
     """Return the greatest discounted total (S,) of gain (S, A), to about ``within``.
 
     Also return a policy (S,) that is nearly greedy for it, and an upper bound on the missing part
     of the total at any state. A terminal state's total is ``ends`` (S,). The method is modified
     policy iteration (Puterman and Shin 1978) from ``start`` (S,).
+
+    Actions of the policy ``last`` (S,) are kept if they are as good, to within (1 - discount)
+    ``within``. If ``states`` (n,) are given, sweeps end once the totals are good enough at these
+    states, as far as their changes tell, and the upper bound is of these alone: it proves nothing.
     """
     rows, ratio = np.arange(mdp.n_states), mdp.discount / (1 - mdp.discount)
     ends = np.where(mdp.terminal, ends, 0.0)
     v = np.where(mdp.terminal, ends, start)
-    policy = np.argmax(mdp.admissible, axis=1)
+    policy = np.argmax(mdp.admissible, axis=1) if last is None else last
+    slack = 0.0 if last is None else (1 - mdp.discount) * within
     for left in reversed(range(_ROUNDS)):
-        best, greedy, low, high = _improved(mdp, gain, ends, v)
+        best, greedy, low, high = _improved(mdp, gain, ends, v, last, slack, states)
         same = greedy == policy
         policy, v = greedy, best
         if ratio * (high - low) <= within or (same.all() and high - low <= _ROUNDING) or not left:
             break  # low and high are about the present value, also if rounds have run out
         own, final = gain[rows, policy][:, None], ends[:, None]
-        v = _followed(mdp, _chain(mdp, policy), own, final, v[:, None], float(high - low) / 10)[
-            :, 0
-        ]
+        to = float(high - low) / 10
+        v = _followed(mdp, _chain(mdp, policy), own, final, v[:, None], to, states)[:, 0]
     middle = _to_go(mdp, low, high)
     return np.where(mdp.terminal, v, v + middle), policy, float(ratio * high - middle)
 
 
 @one_thread
-def nearly_valued(mdp: OrdinalMDP, policy: Actions, start: Floats | None, within: float) -> Floats:
+def nearly_valued(
+    mdp: OrdinalMDP,
+    policy: Actions,
+    start: Floats | None,
+    within: float,
+    states: Actions | None = None,
+) -> Floats:
     """Return the vector value of a deterministic policy (S,), nearly: shares (S, k).
 
     ``evaluate_policy`` gives it exactly. If the tail sums of these shares were backed up along the
     policy, they would change by amounts that differ from state to state by little more than
     ``within``. If states are terminal, the amounts differ from 0 by as little. The sweeps begin at
-    the shares ``start`` (S, k), if there are any.
+    the shares ``start`` (S, k), if there are any. If ``states`` (n,) are given, the amounts count
+    at these states only.
     """
     levels, chain = np.arange(mdp.k - 1), _chain(mdp, policy)
     ends = ((mdp.final_level[:, None] > levels) & mdp.terminal[:, None]).astype(np.float64)
@@ -82,8 +99,8 @@ def nearly_valued(mdp: OrdinalMDP, policy: Actions, start: Floats | None, within
     )
     tails = np.full(gain.shape, 0.5) if start is None else np.ascontiguousarray(tail_sums(start))
     tails[mdp.terminal] = ends[mdp.terminal]
-    shares = _shares_of(_followed(mdp, chain, gain, ends, tails, within))
-    if shares.min() < -within:
+    shares = _shares_of(_followed(mdp, chain, gain, ends, tails, within, states))
+    if (shares if states is None else shares[states]).min() < -within:
         # all columns were moved too far together, as can happen if some states already have all
         # that they will ever have; cutting off the negative part would tear states apart
         shares = _shares_of(valued(mdp, chain, gain, ends))
@@ -98,18 +115,26 @@ def _chain(mdp: OrdinalMDP, policy: Actions) -> sparse.csr_array:
 
 
 def _followed(
-    mdp: OrdinalMDP, chain: sparse.csr_array, gain: Floats, ends: Floats, v: Floats, within: float
+    mdp: OrdinalMDP,
+    chain: sparse.csr_array,
+    gain: Floats,
+    ends: Floats,
+    v: Floats,
+    within: float,
+    states: Actions | None = None,
 ) -> Floats:
     """Return discounted totals (S, c) of ``gain`` (S, c) in a chain, from v (S, c).
 
     Terminal states' totals are ``ends`` (S, c). Sweeps go on until no column's changes differ by
-    more than ``within`` from state to state. v is overwritten.
+    more than ``within`` from state to state, or among ``states`` (n,). v is overwritten.
     """
-    if within < _COARSE and chain.nnz * v.shape[1] >= _LARGE and v.shape[1] > 1:
-        v = _followed_coarsely(mdp, chain, gain, ends, v)
+    if chain.nnz * v.shape[1] >= _LARGE and v.shape[1] > 1:
+        v, done = _followed_coarsely(mdp, chain, gain, ends, v, within, states)
+        if done:
+            return v
     ended, widths = bool(mdp.terminal.any()), list[float]()
     while True:
-        v, low, high = _swept(mdp, chain, gain, ends, v)
+        v, low, high = _swept(mdp, chain, gain, ends, v, states)
         width = mdp.discount * float((high - low).max())
         if width <= max(within, _ROUNDING):
             if not ended:
@@ -123,35 +148,47 @@ def _followed(
 
 
 def _followed_coarsely(
-    mdp: OrdinalMDP, chain: sparse.csr_array, gain: Floats, ends: Floats, v: Floats
-) -> Floats:
+    mdp: OrdinalMDP,
+    chain: sparse.csr_array,
+    gain: Floats,
+    ends: Floats,
+    v: Floats,
+    within: float,
+    states: Actions | None,
+) -> tuple[Floats, bool]:
     """Return v (S, c) after sweeps in single precision, which need half the memory and time.
 
-    They end at the limit of single precision, or once they are too slow.
+    They end at ``within``, at the limit of single precision, or once they are too slow. Also return
+    whether they came to ``within``.
     """
     coarse = sparse.csr_array(
         (chain.data.astype(np.float32), chain.indices, chain.indptr), shape=chain.shape
     )
     gains, finals, now = (x.astype(np.float32) for x in (gain, ends, v))
-    last = np.inf
+    widths = [np.inf, np.inf]
     for _ in range(_MOST_COARSE):
-        now, low, high = _swept(mdp, coarse, gains, finals, now)
+        now, low, high = _swept(mdp, coarse, gains, finals, now, states)
         width = mdp.discount * float((high - low).max())
-        if width <= _COARSE or width > _SLOW * last:
+        if width <= max(within, _COARSE) or width > _SLOW * widths[-2]:
             break
-        last = width
+        widths.append(width)
     if not mdp.terminal.any():
         now += _to_go(mdp, low, high)
-    return np.asarray(now, dtype=np.float64)
+    return np.asarray(now, dtype=np.float64), width <= within
 
 
 def _swept(
-    mdp: OrdinalMDP, chain: sparse.csr_array, gain: Any, ends: Any, v: Any
+    mdp: OrdinalMDP,
+    chain: sparse.csr_array,
+    gain: Any,
+    ends: Any,
+    v: Any,
+    states: Actions | None = None,
 ) -> tuple[Any, Floats, Floats]:
     """Return the values (S, c) after one sweep: ``gain`` plus discounted v (S, c).
 
     Terminal states have their ``ends`` (S, c). Also return the least and the greatest change of
-    each column.
+    each column, among ``states`` (n,) if they are given.
     """
 
     def sweep(first: int, last: int) -> tuple[Any, Floats]:
@@ -162,7 +199,9 @@ def _swept(
         ended = mdp.terminal[here]
         if ended.any():
             found[ended] = ends[here][ended]
-        changes = []
+        changes: list[Floats] = []
+        if states is not None:
+            return found, np.empty((2, v.shape[1]))
         for start in range(0, last - first, _AT_ONCE):  # never all changes in memory
             some = found[start : start + _AT_ONCE]
             moved = some - v[first + start : first + start + len(some)]
@@ -171,31 +210,48 @@ def _swept(
 
     blocks = in_blocks(sweep, mdp.n_states, chain.nnz * v.shape[1])
     new = blocks[0][0] if len(blocks) == 1 else np.concatenate([found for found, _ in blocks])
+    if states is not None:
+        moved = new[states] - v[states]
+        return new, moved.min(axis=0), moved.max(axis=0)
     return new, *_over_all([change for _, change in blocks])
 
 
 def _improved(
-    mdp: OrdinalMDP, gain: Floats, ends: Floats, v: Floats
+    mdp: OrdinalMDP,
+    gain: Floats,
+    ends: Floats,
+    v: Floats,
+    last: Actions | None,
+    slack: float,
+    states: Actions | None,
 ) -> tuple[Floats, Actions, Floats, Floats]:
     """Return the values (S,) after one sweep, and the actions (S,) that attain them.
 
-    Of equally good actions the first is taken. Also return the least and the greatest change from v
-    (S,).
+    Of equally good actions the first is taken, but those of ``last`` (S,) are kept where they are
+    as good to within ``slack``. Also return the least and the greatest change from v (S,), among
+    ``states`` (n,) if they are given.
     """
     best, greedy, m = np.empty_like(v), np.empty(len(v), dtype=np.int64), mdp.n_actions
 
-    def sweep(first: int, last: int) -> Floats:
-        here = slice(first, last)
-        found = some_rows(mdp.transitions, first * m, last * m) @ v
+    def sweep(first: int, end: int) -> Floats:
+        here = slice(first, end)
+        found = some_rows(mdp.transitions, first * m, end * m) @ v
         q = gain[here] + mdp.discount * found.reshape(-1, m)
         q[mdp.terminal[here]] = ends[here][mdp.terminal[here], None]
         q[~mdp.admissible[here]] = -np.inf
         greedy[here] = q.argmax(axis=1)
-        best[here] = q[np.arange(last - first), greedy[here]]
+        rows = np.arange(end - first)
+        best[here] = q[rows, greedy[here]]
+        if last is not None:
+            kept = q[rows, last[here]] >= best[here] - slack
+            greedy[here][kept] = last[here][kept]
         moved = best[here] - v[here]
         return np.array([moved.min(), moved.max()])
 
     low, high = _over_all(in_blocks(sweep, mdp.n_states, mdp.transitions.nnz))
+    if states is not None:
+        some = best[states] - v[states]
+        low, high = some.min(), some.max()
     return best, greedy, low, high
 
 

@@ -18,7 +18,7 @@ from qlearn.certificates.drawn_losses import most_of
 from qlearn.certificates.loss_bound import Guarantee, collected, drawn_set, draws_of, guarantee
 from qlearn.learners.rounds.tuning import TUNING
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
-from qlearn.mdp.planning import backed_up, rewarded
+from qlearn.mdp.planning import rewarded
 from qlearn.mdp.warm_planning import nearly_optimal, nearly_valued
 
 
@@ -29,10 +29,9 @@ class SampledRounds:
         self._mdp = mdp
         self._enough = enough
         self._key = key_of(seed)
-        self._worth = np.full(mdp.n_states, 0.5)  # (S,) values under the last central scale
         self._policy: NDArray[np.int64] | None = None
         self._v: Floats | None = None  # (S, k) the policy's value, approximately
-        self._is_rough = False  # True if it is good enough to choose questions only
+        self._is_rough = False  # True if both are good enough to choose questions only
         self._total = np.zeros(
             mdp.n_states
         )  # greatest total that can be collected, by the last bounds
@@ -55,8 +54,9 @@ class SampledRounds:
             or self._asked >= self._most
             or not self._in_vain(self._pool, comparator)
         ):
-            self._solve(best_guess(comparator))
+            self.rounds, self._asked = self.rounds + 1, 0
             sample = self._sample()
+            self._solve(best_guess(comparator), sample)
             self._pool = advantages_over(self._mdp, self._kept(), self._v, sample)
             if not self._too_much(self._pool, comparator):
                 return self.look_further(comparator)
@@ -87,26 +87,25 @@ class SampledRounds:
         assert self._policy is not None, "no round yet"
         return self._policy
 
-    def _solve(self, values: Floats) -> None:
-        """Find a policy for the central scale.
+    def _solve(self, values: Floats, sample: NDArray[np.int64] | None = None) -> None:
+        """Find a policy for the central scale, and its value.
 
         An action of the last policy stays if it is as good as the new one. If all stay, V stays
-        too: otherwise pairs that differ by rounding only would be asked about again.
+        too: otherwise pairs that differ by rounding only would be asked about again. With a sample
+        of states (n,), both are only good enough to choose questions about these states.
         """
-        mdp, little = self._mdp, self._error
+        mdp, last, little = self._mdp, self._policy, self._error
+        if sample is not None:
+            little *= TUNING.rough
         gain, ends = rewarded(mdp, values)
-        self._worth, policy, _ = nearly_optimal(mdp, gain, ends, self._worth, little)
-        last = self._policy
-        if last is not None:
-            q, rows = backed_up(mdp, gain, ends, self._worth), np.arange(mdp.n_states)
-            policy = np.where(
-                q[rows, last] >= q[rows, policy] - little * (1 - mdp.discount), last, policy
-            )
-        if last is None or (policy != last)[~mdp.terminal].any():
-            rough = TUNING.rough * little * (1 - mdp.discount)
-            self._v = nearly_valued(mdp, policy, self._v, rough)
-            self._policy, self._all, self._is_rough = policy, None, True
-        self.rounds, self._asked = self.rounds + 1, 0
+        start = np.full(mdp.n_states, 0.5) if self._v is None else product(self._v, values)
+        _, policy, _ = nearly_optimal(mdp, gain, ends, start, little, last, sample)
+        del gain, start  # V needs the memory
+        changed = last is None or (policy != last)[~mdp.terminal].any()
+        if changed or (self._is_rough and sample is None):
+            within = little * (1 - mdp.discount)
+            self._v = nearly_valued(mdp, policy, self._v, within, states=sample)
+            self._policy, self._all, self._is_rough = policy, None, sample is not None
 
     def _sample(self) -> NDArray[np.int64]:
         n = self._mdp.n_states
@@ -133,13 +132,10 @@ class SampledRounds:
 
         The ones with the greatest bounds are kept for questions.
         """
-        if self._asked:
-            self._solve(best_guess(comparator))
         mdp, trusted = self._mdp, drawn_set(comparator)
-        if self._is_rough:
-            within = self._error * (1 - mdp.discount)
-            self._v = nearly_valued(mdp, self._kept(), self._v, within)
-            self._all, self._is_rough = None, False
+        if self._asked:
+            self.rounds, self._asked = self.rounds + 1, 0
+        self._solve(best_guess(comparator))
         advantages = self.everything()
         if trusted is None:
             high, confidence = bounds_of_many(comparator, advantages.d)

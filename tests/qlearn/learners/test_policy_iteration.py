@@ -442,7 +442,7 @@ def test_a_tutor_who_is_unsure_of_a_cut_is_asked_about_actions(says):
 
 
 def test_a_learner_whose_values_are_rough_promises_no_more_than_it_keeps(monkeypatch):
-    def roughly(mdp, policy, start, within):
+    def roughly(mdp, policy, start, within, **_):
         v = evaluate_policy(mdp, policy)
         return 0.97 * v + 0.03 * np.random.default_rng(int(policy.sum())).dirichlet(
             np.ones(5), len(v)
