@@ -60,6 +60,11 @@ def drawn_gaps(rng: Rng, k: int, m: int = 1) -> Floats:
     return np.asarray(np.exp(log_gaps(rng, k, m)))
 
 
+def widths_of(tie: float, u: Any) -> Floats:
+    """Widths of EQUAL, shares of the value range, at quantiles u (m,) of their prior."""
+    return np.asarray(np.minimum(1.0, tie * u / (1.0 - u)))
+
+
 def log_terms(theta: Floats, t: Floats, tied: Any, lapse: Any, width: Any = 0.0) -> Floats:
     """Log-likelihoods (m, n) at theta (m, p) of answers with tail sums t (n, p), turned to the side
     that was said to be better; where ``tied`` (n,) half an answer each way, or with a width, in
@@ -67,7 +72,8 @@ def log_terms(theta: Floats, t: Floats, tied: Any, lapse: Any, width: Any = 0.0)
     eta, q, s = theta @ t.T, np.asarray(lapse)[..., None], np.asarray(width)[..., None]
     if s.any():
         equal = -np.expm1(-2 * s) * expit(s - np.abs(eta)) * expit(s + np.abs(eta))
-        return np.asarray(np.log(q / 3 + (1 - q) * np.where(tied, equal, expit(eta - s))))
+        at_random, clear = np.where(tied, 0.01, 0.495), np.where(tied, equal, expit(eta - s))
+        return np.asarray(np.log(q * at_random + (1 - q) * clear))
     if q.any():
         yes, no = (np.log(q / 2 + (1 - q) * expit(sign * eta)) for sign in (1, -1))
     else:

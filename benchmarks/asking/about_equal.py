@@ -56,8 +56,8 @@ then "equal" means equal, to one part in 10^9.
 
 - **What an answer "equal" teaches.** The polytope keeps only the scales with |d.e| <= tie. The relaxed polytope counts the part of |d.e|
   above the tie as a violation. The Bradley-Terry fit and the posterior use the law of Rao and Kupper (1967): P(left is better) =
-  sigma(c (d.e - w)) and P(right is better) = sigma(-c (d.e + w)). In the fit w is the tie. The posterior learns w, between 0 and
-  twice the tie. A tutor who has called nothing equal is taken to be exact: until the first "equal"
+  sigma(c (d.e - w)) and P(right is better) = sigma(-c (d.e + w)). In the fit w is the tie. The posterior learns w, whose median
+  is the tie a priori ([the posterior's model](posterior.md#ties)). A tutor who has called nothing equal is taken to be exact: until the first "equal"
   every comparator gives the same numbers as with tie = 0, to the last digit, and asks no more questions.
 - **What it decides.** A pair called equal is not asked again, and a learner keeps the action that it has. `Result.loss_bound`
   includes what that may lose, because it bounds the loss over all scales that the answers allow.
@@ -66,13 +66,13 @@ then "equal" means equal, to one part in 10^9.
   with the status `CALLED_EQUAL`, and `loss_bound` says what is left open.
 - **What is promised.** Nobody knows their own tie. Guarantees of confidence 1 (`simultaneous_bounds`) therefore
   allow for twice the `tie` that the comparator was given. Verdicts and `bounds` use the tie itself. If a
-  person's "equal" may reach farther than that, give a larger `tie`, because no comparator can notice. With a tutor whose
-  "equal" reaches beyond two ties, the 95% of the posterior does not hold: with simulated persons who called three in ten pairs or more
+  person's "equal" may reach farther than that, give a larger `tie`: the polytope cannot notice. The posterior learns a larger width
+  from several answers "equal", but its 95% may fail until then. Before its prior allowed for that, with simulated persons who called three in ten pairs or more
   equal, [68% of the bounds held](../benchmarks/RESULTS-promise.md) (47 to 85%, 25 runs). `print(result)` therefore
   warns if that many answers are "equal", and at least three (`Result.tie_warning`).
-- **What the likelihoods promise.** The posterior's 95% is a promise on average over its prior. In the prior the width w
-  lies anywhere up to twice the tie, and answers are "equal" by Rao and Kupper's law. If a tutor's "equal" reaches as far as twice the tie,
-  the bound of policy iteration holds less often, as the table shows. The resamples of a Bradley-Terry fit all have the same
+- **What the likelihoods promise.** The posterior's 95% is a promise on average over its prior, and answers are "equal" by Rao and
+  Kupper's law. The tables below are of a prior whose width was at most twice the tie. If a tutor's "equal" reached that far,
+  the bound of policy iteration held less often. The resamples of a Bradley-Terry fit all have the same
   answers "equal", and so do not show what these leave open. The fit's guarantees then have a confidence of nan.
 
 Questions about simple bags (`bags=`) can tell apart what questions about single actions cannot: the differences that are left open

@@ -2,12 +2,12 @@
 
 The first p coordinates of a particle x give theta = exp(x) = c g. If the lapse is learned, its
 logit follows (see ``slips``). The tutor may call equal two things that are close. If the width of
-"close" is learned, the last coordinate is its logit, as a share of the greatest width.
+"close" is learned, the last coordinate is the logarithm of its ratio to the median width.
 
 With a width w an answer is one of three (Rao and Kupper 1967). P(better) = sigma(c d.e - c w), and
 P(worse) is the same of -d. P(equal) is the rest, (1 - exp(-2 c w)) sigma(c w - c d.e) sigma(c w + c
-d.e). A lapse gives each of the three equally often. Without a width an answer is one of two, and a
-tie counts as half an answer each way.
+d.e). A lapse gives EQUAL in a share ``EQUAL_LAPSES``, and each of the others equally often.
+Without a width an answer is one of two, and a tie counts as half an answer each way.
 
 Each term of the log-likelihood is at most 0. So a proposal can be rejected as soon as its partial
 sum is too low.
@@ -26,6 +26,9 @@ BLOCK = 64
 FARTHEST = 60.0  # a logistic function is 0 or 1 there, to within 1e-26
 # least lapse that is learned: single precision is too coarse below (see ``density_float32``)
 LEAST_LAPSE = 1e-4
+EQUAL_LAPSES = 0.01
+"""Share of lapses that say EQUAL. Chosen on half of 30 people who could say "indifferent" (see
+docs/posterior.md): with a third, a single EQUAL is taken for a lapse."""
 LEAST_WIDTH = 1e-6  # in logits: below, products of eight probabilities of EQUAL would underflow
 
 
@@ -36,8 +39,9 @@ class ParticlePrior(NamedTuple):
     g. The precision has log c ~ N(mean, sd^2). If ``fixed`` > 0, it is the known precision, and the
     level of x means nothing. If ``lapse`` >= 0, it is the known lapse. If it is negative, the lapse
     is a coordinate: LEAST_LAPSE or more, and Beta(a, b) a priori otherwise. If ``tie`` > 0, the
-    width is a coordinate, uniform up to ``tie`` a priori. Gaps, precision and lapse may instead be
-    those of a kind of earlier people.
+    width w is a coordinate: log w is logistic a priori, with median log ``tie`` and scale 1, but w
+    is at most the value range. Gaps, precision and lapse may instead be those of a kind of earlier
+    people.
     """
 
     shapes: Floats  # (nodes,), at most BLOCK
@@ -154,6 +158,13 @@ def logistic(u: float) -> float:
 
 
 @compiled
+def odds(u: float) -> float:
+    """Return exp(u), between exp(-FARTHEST) and exp(FARTHEST)."""
+    less: float = small_exp(min(abs(u), FARTHEST))
+    return 1.0 / less if u >= 0.0 else less
+
+
+@compiled
 def slips(x: Any, theta: Any, prior: ParticlePrior) -> tuple[float, float]:
     """Return the lapse and the width c w, in logits, of x whose theta (p,) is given.
 
@@ -165,7 +176,7 @@ def slips(x: Any, theta: Any, prior: ParticlePrior) -> tuple[float, float]:
     if prior.tie > 0.0:
         for j in range(len(theta)):
             width += theta[j]
-        width = max(LEAST_WIDTH, width * prior.tie * logistic(x[len(x) - 1]))
+        width = max(LEAST_WIDTH, width * min(1.0, prior.tie * odds(x[len(x) - 1])))
     return lapse, width
 
 
@@ -253,7 +264,8 @@ def log_terms(work: Any, tied: Any, lapse: float) -> float:
 def log_terms_apart(work: Any, tied: Any, lapse: float, width: float) -> float:
     """Return the sum of one block's terms with a width, as ``log_terms`` does without one."""
     above, below, size, far = work[0], work[1], len(tied), 0
-    third, sure, equal = lapse / 3.0, 1.0 - lapse, -math.expm1(-2.0 * width)
+    sure, equal = 1.0 - lapse, -math.expm1(-2.0 * width)
+    rare, often = EQUAL_LAPSES * lapse, 0.5 * (1.0 - EQUAL_LAPSES) * lapse
     for i in range(size):
         below[i] = width - abs(above[i]) if tied[i] else above[i] - width
         far += abs(below[i]) > FARTHEST
@@ -269,7 +281,7 @@ def log_terms_apart(work: Any, tied: Any, lapse: float, width: float) -> float:
         top = 1.0 if above[i] >= 0.0 else below[i]
         if tied[i]:
             top *= equal / (1.0 + small_exp(min(2.0 * width - above[i], FARTHEST)))
-        above[i] = third * (1.0 + below[i]) + sure * top
+        above[i] = (rare if tied[i] else often) * (1.0 + below[i]) + sure * top
     return log_quotient(above, below, size, 1e-30)
 
 
@@ -303,9 +315,9 @@ def log_term(eta: float, tied: bool, lapse: float, width: float) -> float:
     """Return the log-probability of an answer of logit eta, at most 0.
 
     Without a width it is log(lapse/2 + (1 - lapse) sigma(eta)). If ``tied``, it is the mean of that
-    and of the opposite answer's. With a width > 0 it is log(lapse/3 + (1 - lapse) sigma(eta -
-    width)). If ``tied``, it is the logarithm of the probability that this answer and its opposite
-    leave of 1.
+    and of the opposite answer's. With a width > 0 it is log((1 - EQUAL_LAPSES) lapse/2 + (1 -
+    lapse) sigma(eta - width)). If ``tied``, it is the logarithm of the probability that this answer
+    and its opposite leave of 1.
     """
     if width > 0.0:
         eta, top = width - abs(eta) if tied else eta - width, 0.0
@@ -317,7 +329,8 @@ def log_term(eta: float, tied: bool, lapse: float, width: float) -> float:
         if lapse == 0.0:
             return top + min(eta, 0.0) - math.log(1.0 + less)
         sure = (1.0 - lapse) * math.exp(top) * (1.0 if eta >= 0.0 else less)
-        return math.log(lapse / 3.0 + sure / (1.0 + less))
+        share = EQUAL_LAPSES if tied else 0.5 * (1.0 - EQUAL_LAPSES)
+        return math.log(share * lapse + sure / (1.0 + less))
     less = small_exp(min(abs(eta), FARTHEST))
     if lapse == 0.0:
         return (-0.5 * abs(eta) if tied else min(eta, 0.0)) - math.log(1.0 + less)

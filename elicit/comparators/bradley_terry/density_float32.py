@@ -19,6 +19,7 @@ import numpy as np
 from elicit._support.jit import compiled, loosely
 from elicit.comparators.bradley_terry.density import (
     BLOCK,
+    EQUAL_LAPSES,
     LEAST_LAPSE,
     ParticlePrior,
     logits,
@@ -29,8 +30,9 @@ ROUNDING = 2.0**-24  # relative rounding error of a number in single precision
 TERM = 1e-5  # maximum error of a log-term, excluding the error inherited from its logit
 GREATEST = 1e30  # largest theta: single precision overflows not far above
 HALF = BLOCK // 2
-# smaller products are stored as logarithms; from LEAST_LAPSE on half a block's is not smaller
-SMALL = 1e-150
+# from LEAST_LAPSE on half a block's product is not smaller, even if all its answers are EQUAL
+SMALL = 1e-195
+STORED = 1e-100  # smaller products are stored as logarithms
 CLASSES, WIDTH, LOWEST = (
     64,
     0.5,
@@ -39,7 +41,7 @@ CLASSES, WIDTH, LOWEST = (
 _NONE, _ONE, _PART = np.float32(0.0), np.float32(1.0), np.float32(-1.0 / 32.0)
 _NEAR, _FAR = (
     np.float32(15.0),
-    np.float32(25.0),
+    np.float32(30.0),
 )  # logits are clipped to these, the first without lapses
 _C2, _C3, _C4, _C5, _C6, _C7 = (np.float32(1.0 / math.factorial(i)) for i in range(2, 8))
 
@@ -126,9 +128,8 @@ def rough_likelihood(
     whole, gone, share = len(rough.tied), 0.0, 1.0
     for j in range(len(theta)):
         rough.theta[j] = theta[j]
-    most = (
-        math.log(1.0 - lapse * (2.0 / 3.0 if width > 0.0 else 0.5)) + 4.0 * ROUNDING
-    )  # greatest value of a term
+    wrong = 0.5 * (1.0 + EQUAL_LAPSES) if width > 0.0 else 0.5  # share of lapses, at least
+    most = math.log(1.0 - lapse * wrong) + 4.0 * ROUNDING  # greatest value of a term
     for start in range(0, whole, BLOCK):
         logits(rough.theta, rough.rows, start, BLOCK, small[0])
         if width > 0.0:
@@ -141,7 +142,7 @@ def rough_likelihood(
             small[0, i] = _ONE
         for half in (small[0, :HALF], small[0, HALF:]):
             share *= max(product(half), SMALL)
-            if share < SMALL:
+            if share < STORED:
                 gone += math.log(share)
                 share = 1.0
         if share < math.exp(least - gone - most * max(0, rough.n - start - BLOCK)):
@@ -182,8 +183,9 @@ def rough_ties(small: Any, tied: Any, lapse: float) -> None:
 def rough_terms_apart(small: Any, tied: Any, lapse: float, width: float) -> None:
     """Write one block's terms with a width (see ``density.log_terms_apart``)."""
     above, below = small[0], small[1]
-    third, sure, equal = (
-        np.float32(lapse / 3.0),
+    rare, often, sure, equal = (
+        np.float32(EQUAL_LAPSES * lapse),
+        np.float32(0.5 * (1.0 - EQUAL_LAPSES) * lapse),
         np.float32(1.0 - lapse),
         np.float32(-math.expm1(-2.0 * width)),
     )
@@ -196,7 +198,7 @@ def rough_terms_apart(small: Any, tied: Any, lapse: float, width: float) -> None
         top = (_ONE if above[i] >= _NONE else below[i]) / (_ONE + below[i])
         if tied[i]:
             top *= equal / (_ONE + rough_exp(min(wide + wide - above[i], _FAR)))
-        above[i] = third + sure * top
+        above[i] = (rare if tied[i] else often) + sure * top
 
 
 @loosely
@@ -210,7 +212,7 @@ def product(terms: Any) -> float:
 
 @loosely
 def rough_exp(u: Any) -> Any:
-    """Return exp(-u) for u in 0..25 in single precision, as ``small_exp`` does.
+    """Return exp(-u) for u in 0..30 in single precision, as ``small_exp`` does.
 
     The relative error is at most 4e-6 for u up to 15.
     """

@@ -17,6 +17,7 @@ import numpy as np
 from elicit._support.hashing import fold
 from elicit.comparators.bradley_terry.density import (
     BLOCK,
+    EQUAL_LAPSES,
     FARTHEST,
     LEAST_LAPSE,
     LEAST_WIDTH,
@@ -199,7 +200,8 @@ def _slips(x: Floats, theta: Floats, prior: ParticlePrior) -> tuple[Floats, Floa
     if prior.lapse < 0.0:
         lapse = LEAST_LAPSE + (1.0 - LEAST_LAPSE) * logistic(x[len(theta)])
     if prior.tie > 0.0:
-        width = np.maximum(LEAST_WIDTH, in_order(theta) * prior.tie * logistic(x[-1]))
+        share = np.minimum(1.0, prior.tie * odds(x[-1]))
+        width = np.maximum(LEAST_WIDTH, in_order(theta) * share)
     return lapse, width
 
 
@@ -218,6 +220,12 @@ def logistic(u: Floats) -> Floats:
     """Return ``density.logistic`` (q,) of logits u (q,)."""
     less = exp_of_minus(np.minimum(np.abs(u), FARTHEST))
     return np.asarray(np.where(u >= 0.0, 1.0, less) / (1.0 + less))
+
+
+def odds(u: Floats) -> Floats:
+    """Return ``density.odds`` (q,) of log odds u (q,)."""
+    less = exp_of_minus(np.minimum(np.abs(u), FARTHEST))
+    return np.asarray(np.where(u >= 0.0, 1.0 / less, less))
 
 
 def powered(
@@ -276,7 +284,8 @@ def _log_terms(eta: Floats, tied: Any, lapse: Floats, width: Floats) -> Floats:
         top = np.where(
             ties, top * (equal / (1.0 + exp_of_minus(np.minimum(2.0 * width - u, FARTHEST)))), top
         )
-        found = _log_quotient(lapse / 3.0 * (1.0 + below) + sure * top, below, 1e-30)
+        share = np.where(ties, EQUAL_LAPSES, 0.5 * (1.0 - EQUAL_LAPSES))
+        found = _log_quotient(share * lapse * (1.0 + below) + sure * top, below, 1e-30)
     else:
         even = 0.5 * lapse * (1.0 + below)
         top = np.where(ties, np.sqrt((even + sure) * (even + sure * below)), even + sure * top)

@@ -29,7 +29,7 @@ from elicit._support.keywords import check_keywords
 from elicit._support.seeds import seed_of
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, is_range, is_whole, require
-from elicit.comparators.bradley_terry.density import ParticlePrior
+from elicit.comparators.bradley_terry.density import EQUAL_LAPSES, ParticlePrior
 from elicit.comparators.bradley_terry.earlier_people import (
     FITS,
     EarlierPeople,
@@ -63,7 +63,7 @@ from elicit.decision.draw_bounds import quantiles, upper_together
 from elicit.decision.verdicts import decide_by_rule
 from elicit.lp.hit_and_run import Draws
 from elicit.lp.prior_inequalities import PriorLike, as_prior
-from elicit.model.comparator import ALLOWANCE, TIE, Verdicts, check_answers, check_levels, check_tie
+from elicit.model.comparator import TIE, Verdicts, check_answers, check_levels, check_tie
 from elicit.model.difference import as_differences, tail_sums
 from elicit.model.query import Answers
 from elicit.model.scale import Floats, dot, order_bounds, values_of
@@ -124,12 +124,13 @@ class PosteriorComparator:
         Share of answers given at random. A tutor who flips a tenth of all answers lapses in a
         fifth. None: learned, with Beta(1, 4) a priori.
     tie : float
-        Largest |d.e| that the tutor may call EQUAL, a share of the value range e_k - e_1, in
-        0 <= tie < 1. Here d is a difference of share vectors, used as it is given. The tutor's own
-        width is learned. It is uniform up to twice the ``tie`` a priori, because nobody knows their
-        own. A tutor who has called nothing equal is taken as sharp. So until the first EQUAL
-        nothing depends on ``tie``. Then all answers are learned afresh. 0: EQUAL means equal, and
-        counts as half an answer each way.
+        Median a priori of the width of EQUAL, the |d.e| up to which the tutor calls two things
+        equal. It is a share of the value range e_k - e_1, in 0 <= tie < 1. Here d is a difference
+        of share vectors, used as it is given. The tutor's own width is learned, because nobody
+        knows their own: its logarithm is logistic with scale 1. So the width is with 95%
+        probability between 1/39 and 39 times the ``tie``. A tutor who has called nothing equal is
+        taken as sharp. So until the first EQUAL nothing depends on ``tie``. Then all answers are
+        learned afresh. 0: EQUAL means equal, and counts as half an answer each way.
     level : float
         Posterior probability that a verdict needs, in (1/2, 1).
     prior : optional
@@ -291,7 +292,7 @@ class PosteriorComparator:
         self._several: Several | None = None
 
     def _start(self, tie: float) -> None:
-        """Draw particles from the prior, for a tutor who may call |d.e| <= ``tie`` equal."""
+        """Draw particles from the prior, with median width of EQUAL ``tie``."""
         self._prior = self._prior._replace(tie=tie)
         self._begin(self._first_particles(self._prior))
         self._theta, self._slips = (
@@ -330,7 +331,7 @@ class PosteriorComparator:
                 new._learn_of_several(i)
                 continue
             if new._tied[i] and new._prior.tie == 0 < self.tie:  # the first EQUAL
-                new._start(ALLOWANCE * self.tie)
+                new._start(self.tie)
                 new._learn(range(i))
             new._learn(range(i, i + 1))
         if new.effective_size < WORN * self.particles:
@@ -363,7 +364,7 @@ class PosteriorComparator:
         tied = self.tie > 0 and bool(self._tied[last])
         wide = {who[i] for i in np.flatnonzero(self._tied[: last + 1])} if self.tie > 0 else set()
         known = self._several
-        prior = of_several(self._prior, ALLOWANCE * self.tie)
+        prior = of_several(self._prior, self.tie)
         if known is None or (tied and dict(zip(*known, strict=True)).get(who[last]) is False):
             self._begin(self._first_particles(of_the_scale(prior)))
             known, rows = Several((), ()), range(last + 1)
@@ -390,7 +391,7 @@ class PosteriorComparator:
             names = set(self.answers.who)
             name = names.pop() if len(names) == 1 else None
             return {name: (precision, *self._slips)}
-        prior = of_several(self._prior, ALLOWANCE * self.tie)
+        prior = of_several(self._prior, self.tie)
         found = {}
         for i, (name, wide) in enumerate(zip(*known, strict=True)):
             factor, lapse, width = parameters(self._x, precision, i, wide, prior)
@@ -511,9 +512,9 @@ class PosteriorComparator:
             tutors = {who: tutors[who]}
         found = np.zeros(len(t := tail_sums(as_differences(d, self.k))))
         for precision, lapse, width in tutors.values():
-            answers = np.where(width > 0, 3.0, 2.0)
+            share = np.where(width > 0, 0.5 * (1.0 - EQUAL_LAPSES), 0.5)
             chances = (
-                lapse / answers + (1.0 - lapse) * expit(precision * dot(row, gaps.T) - width)
+                share * lapse + (1.0 - lapse) * expit(precision * dot(row, gaps.T) - width)
                 for row in t
             )
             found += [min(1.0, float(product(chance, weights))) for chance in chances]

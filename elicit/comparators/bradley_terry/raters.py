@@ -2,8 +2,8 @@
 
 A particle is a scale and, for each rater, three numbers. Its first p coordinates are those of
 ``smc``: the logs of the gaps times a precision c, which the raters have in common. For each rater
-follow log f, where f c is the rater's own precision, the logit of their lapse, and the logit of
-their width, as a share of the greatest width.
+follow log f, where f c is the rater's own precision, the logit of their lapse, and the logarithm
+of the ratio of their width to the median width.
 
 A priori log f ~ N(0, SPREAD^2), and the variance of log c is less by SPREAD^2. So each rater alone
 has the prior of a single person, and answers of one say what to expect of the others (partial
@@ -45,6 +45,7 @@ from elicit.comparators.bradley_terry.mcmc_arrays import (
     exchanges,
     in_order,
     logistic,
+    odds,
     steps,
     unit,
 )
@@ -276,7 +277,7 @@ def _proposal(x: Floats, a: Floats, b: Floats, p: int, part: int, u: list[Floats
 def of_several(prior: ParticlePrior, tie: float) -> ParticlePrior:
     """Return the prior of a single person as that of several people.
 
-    They may call equal what lies within ``tie``.
+    The median of their widths of EQUAL is ``tie`` a priori.
     """
     return prior._replace(sd=math.sqrt(prior.sd**2 - SPREAD**2), tie=tie)
 
@@ -338,8 +339,8 @@ def parameters(
     if prior.lapse < 0.0:
         lapse = LEAST_LAPSE + (1.0 - LEAST_LAPSE) * logistic(x[:, first + 1])
     if wide:
-        share = logistic(x[:, first + 2])
-        width = np.maximum(LEAST_WIDTH, factor * common * prior.tie * share)
+        share = np.minimum(1.0, prior.tie * odds(x[:, first + 2]))
+        width = np.maximum(LEAST_WIDTH, factor * common * share)
     return factor, lapse, width
 
 

@@ -23,12 +23,21 @@ from elicit import (
 )
 from elicit._support.fixed_order import product
 from elicit.comparators.bradley_terry.first_particles import LAPSE
-from elicit.model.comparator import ALLOWANCE
 from elicit.model.comparator_parts import lapse_of
 from elicit.model.scale import order_bounds
 from elicit.testing import check_comparator, sample_differences
 from tests.interpreter import run
-from tests.noisy_cases import MEAN, SD, Floats, Rng, differences, drawn_gaps, log_terms, pairs
+from tests.noisy_cases import (
+    MEAN,
+    SD,
+    Floats,
+    Rng,
+    differences,
+    drawn_gaps,
+    log_terms,
+    pairs,
+    widths_of,
+)
 from tests.scale_arithmetic import dominance, tail_sums, values_of
 from tests.thoroughness import covering, quick_first, scaled
 
@@ -603,35 +612,37 @@ def test_the_first_equal_has_all_answers_taken_in_afresh(settings: dict[str, Any
     )
 
 
-def test_a_pair_called_equal_lies_within_what_the_tutor_may_call_so() -> None:
-    """Whose precision is unknown: five times EQUAL about one pair; and with more answers, where
-    within.
-    """
+def test_a_pair_called_equal_lies_within_what_the_tutor_calls_so() -> None:
+    """Five times EQUAL about one pair leave the width open; with other answers, they do not."""
     d, rng = np.array([[0.3, -1.0, 0.7]]), np.random.default_rng(0)
     others, e = pairs(rng, 3, 40), np.array([0.0, 0.69, 1.0])
     y = np.where(np.abs(others @ e) <= 0.02, 0, np.sign(others @ e))
     truth = float(d[0] @ e)
     assert truth == pytest.approx(0.01)
-    for n, tie in ((0, 0.03), (10, 0.03), (10, 0.01), (40, 0.03)):
+    alone = PosteriorComparator(3, tie=0.03).update(Answers(np.tile(d, (5, 1)), np.zeros(5, int)))
+    assert np.diff(alone.bounds(d), axis=0) > 0.5  # such a tutor may call everything equal
+    for n, tie in ((10, 0.03), (10, 0.01), (40, 0.03), (40, 0.01)):
         answers = Answers(
             np.concatenate([others[:n], np.tile(d, (5, 1))]),
             np.append(y[:n], np.zeros(5)).astype(int),
         )
         (low,), (high,) = PosteriorComparator(3, tie=tie).update(answers).bounds(d)
-        assert -ALLOWANCE * tie < low < high < ALLOWANCE * tie
-        assert high - low > tie / 3
-        assert tie == 0.01 or low < truth < high
+        assert -0.02 < low < truth < high < 0.02
+        assert high - low > 0.01
     assert low > 0.0  # the others say so, not EQUAL
     (low,), (high,) = PosteriorComparator(3, tie=0.0).update(answers[-5:]).bounds(d)
     assert high - low > 0.5  # a sharp tutor who cannot tell may be one who knows nothing
 
 
-def test_a_tutor_who_finds_all_equal_that_is_not_teaches_nothing_but_her_lapse() -> None:
+def test_a_tutor_who_finds_all_equal_that_is_not_teaches_nothing_but_the_width() -> None:
     answers = told(n=150)
     c = PosteriorComparator(5).update(Answers(answers.d, np.zeros(150, int)))
     assert_sane(c)
     assert (c.compare(pairs(np.random.default_rng(0), 5, 200)) == Verdict.UNKNOWN).mean() > 0.9
-    assert c.lapse > 0.9
+    ((_, lapse, width),) = c._tutors.values()
+    weights = c.draws.weights
+    assert lapse @ weights < 0.1
+    assert (width / c.draws.precision) @ weights > 0.3
     for settings in (
         {"lapse": 0.05},
         {"lapse": 0.0},
@@ -644,6 +655,48 @@ def test_a_tutor_who_finds_all_equal_that_is_not_teaches_nothing_but_her_lapse()
         )
 
 
+def test_one_equal_among_consistent_answers_is_believed() -> None:
+    """A person's eight answers about four levels, in tenths and so on of each; the fifth says that
+    the second level is worth 0.4.
+    """
+    told_so = [
+        ([3, 0, 0, 10], [0, 3, 10, 0], 1),
+        ([4, 0, 0, 15], [0, 9, 10, 0], 1),
+        ([0, 0, 10, 0], [5, 0, 0, 5], 1),
+        ([0, 0, 10, 0], [4, 0, 0, 6], 1),
+        ([0, 10, 0, 0], [6, 0, 0, 4], 0),
+        ([0, 0, 0, 10], [0, 0, 10, 0], 1),
+        ([7, 0, 0, 25], [0, 12, 20, 0], 1),
+        ([5, 0, 0, 5], [0, 10, 0, 0], 1),
+    ]
+    shares = [(np.array(a) / sum(a), np.array(b) / sum(b), y) for a, b, y in told_so]
+    answers = Answers(np.array([a - b for a, b, _ in shares]), [y for _, _, y in shares])
+    found = [PosteriorComparator(4, seed=seed).update(answers).values[1] for seed in range(4)]
+    strict = answers.without([answers.ids[4]])
+    assert PosteriorComparator(4).update(strict).values[1] < 0.2
+    assert 0.26 < np.mean(found) < 0.4
+
+
+@pytest.mark.parametrize("width", [0.02, 0.05, 0.1])
+def test_intervals_hold_for_people_who_call_equal_what_they_are_not_told(width: float) -> None:
+    """Scales of the prior, 25 answers, one in twenty at random; the default ``tie`` is .01."""
+    inside, wrong = [], []
+    for i in range(scaled(8, 40)):
+        rng = np.random.default_rng([i, 32])
+        g, asked, fresh = drawn_gaps(rng, 4)[0], pairs(rng, 4, 25), pairs(rng, 4, 40)
+        true, at = tail_sums(fresh) @ g, tail_sums(asked) @ g
+        y = np.where(np.abs(at) <= width, 0, np.sign(at)).astype(int)
+        y = np.where(rng.random(25) < 0.05, rng.choice([-1, 1], 25), y)
+        learned = PosteriorComparator(4, seed=i).update(Answers(asked, y))
+        low, high = learned.bounds(fresh)
+        inside.append((low <= true) & (true <= high))
+        verdicts = learned.compare(fresh)
+        decided = verdicts != Verdict.UNKNOWN
+        wrong.append((verdicts != np.sign(true))[decided])
+    assert np.mean(inside) > 0.9
+    assert np.concatenate(wrong).mean() < 0.05
+
+
 @pytest.mark.slow
 def test_it_agrees_with_weighted_draws_where_all_is_learned_on_15_data_sets() -> None:
     """Scale, precision, lapse and width drawn from the prior and weighted by the formula."""
@@ -653,7 +706,7 @@ def test_it_agrees_with_weighted_draws_where_all_is_learned_on_15_data_sets() ->
         answers, m, d = told_equal(k, 10, tie, i, c=30.0), 150_000, pairs(rng, k, 20)
         tie = tie if (answers.y == 0).any() else 0.0
         g, log_c = drawn_gaps(rng, k, m), rng.normal(MEAN, SD, m)
-        lapse, share = rng.beta(*LAPSE, m), tie * rng.random(m)
+        lapse, share = rng.beta(*LAPSE, m), widths_of(tie, rng.random(m))
         if not tie:
             answers = Answers(answers.d, np.where(answers.y == 0, 1, answers.y))
         w = normalised(log_likelihood(g, log_c, answers, lapse, share))
@@ -665,10 +718,7 @@ def test_it_agrees_with_weighted_draws_where_all_is_learned_on_15_data_sets() ->
 
         squares.append(compare_with(answers, g, w, d, error, 3, None, tie))
         found = np.mean(
-            [
-                PosteriorComparator(k, tie=tie / ALLOWANCE, seed=s).update(answers).lapse
-                for s in range(3)
-            ]
+            [PosteriorComparator(k, tie=tie, seed=s).update(answers).lapse for s in range(3)]
         )
         assert found == pytest.approx(lapse @ w, abs=4 * float(lapse.std()) / math.sqrt(3 * WORTH))
     assert math.sqrt(np.mean(squares)) < 1.1
@@ -695,7 +745,7 @@ def test_it_agrees_with_a_grid_where_all_is_learned_of_three_levels() -> None:
     (lapse_nodes, lapse_mass), (share_nodes, share_mass) = map(
         np.polynomial.legendre.leggauss, (6, 24)
     )
-    lapses, shares = (lapse_nodes + 1) / 2, tie * (share_nodes + 1) / 2
+    lapses, shares = (lapse_nodes + 1) / 2, widths_of(tie, (share_nodes + 1) / 2)
     at = np.stack(np.meshgrid(np.arange(len(r)), log_c, lapses, shares, indexing="ij")).reshape(
         4, -1
     )
@@ -793,7 +843,7 @@ def compare_with(
     standard error of that sample's mean of a function (functions, m)."""
     k = answers.k
     made = [
-        PosteriorComparator(k, lapse=lapse, tie=tie / ALLOWANCE, seed=seed).update(answers)
+        PosteriorComparator(k, lapse=lapse, tie=tie, seed=seed).update(answers)
         for seed in range(copies)
     ]
     above, levels = (tail_sums(d) @ g.T > 0).astype(np.float64), np.cumsum(g, axis=1).T[:-1]
@@ -1074,13 +1124,15 @@ def chance_by_prior_draws(answers: Answers, d: Floats, tie: float, draws: int = 
     gaps /= gaps.sum(axis=1, keepdims=True)
     precision = np.exp(rng.normal(math.log(30.0), 2.5, draws))
     lapse = rng.beta(1.0, 4.0, draws)
-    width = precision * rng.uniform(0.0, ALLOWANCE * tie, draws) if (answers.y == 0).any() else None
+    width = None
+    if (answers.y == 0).any():
+        width = precision * widths_of(tie, rng.random(draws))
 
     def left(rows: Floats) -> Floats:
         logits = precision * (tail_sums(rows) @ gaps.T)
         if width is None:
             return np.asarray(lapse / 2 + (1 - lapse) * expit(logits))
-        return np.asarray(lapse / 3 + (1 - lapse) * expit(logits - width))
+        return np.asarray(0.495 * lapse + (1 - lapse) * expit(logits - width))
 
     told_left, told_right = left(answers.d), left(-answers.d)
     y = answers.y[:, None]

@@ -21,7 +21,7 @@ from elicit.comparators.bradley_terry import (
     raters,
 )
 from elicit.comparators.bradley_terry.first_particles import PRECISION
-from elicit.model.comparator import ALLOWANCE
+from tests.noisy_cases import widths_of
 from tests.scale_arithmetic import Floats, tail_sums
 from tests.thoroughness import scaled
 
@@ -85,11 +85,14 @@ def plain_metropolis(
             j = names.index(str(who))
             value = row[0] * middle + row[1] * (1 - middle)
             precision, slip = np.exp(log_c[:, j]), lapse[:, j]
-            width = share[:, j] * ALLOWANCE * TIE if wide[names[j]] else 0.0
+            width = widths_of(TIE, share[:, j]) if wide[names[j]] else 0.0
             better = expit(precision * (value - width))
             worse = expit(precision * (-value - width))
             clear = {1: better, -1: worse, 0: 1 - better - worse}[int(verdict)]
-            total += np.log(slip / (3 if wide[names[j]] else 2) + (1 - slip) * clear + 1e-300)
+            at_random = 0.5
+            if wide[names[j]]:
+                at_random = 0.495 if verdict else 0.01
+            total += np.log(slip * at_random + (1 - slip) * clear + 1e-300)
         return np.asarray(total)
 
     at = np.concatenate(

@@ -22,7 +22,7 @@ from elicit.comparators.bradley_terry import mcmc as M
 from elicit.comparators.bradley_terry import smc as P
 from elicit.comparators.bradley_terry.first_particles import LAPSE
 from tests.interpreter import report_of
-from tests.noisy_cases import MEAN, SD, Floats, Rng, log_gaps, log_terms, prior_of
+from tests.noisy_cases import MEAN, SD, Floats, Rng, log_gaps, log_terms, prior_of, widths_of
 from tests.scale_arithmetic import tail_sums
 from tests.thoroughness import examples, scaled
 
@@ -54,7 +54,8 @@ def lapses_and_widths(x: Floats, p: int, prior: D.ParticlePrior) -> tuple[Floats
         lapse = D.LEAST_LAPSE + (1 - D.LEAST_LAPSE) * expit(x[:, p])
     if prior.tie:
         width = np.maximum(
-            np.exp(logsumexp(x[:, :p], axis=1)) * prior.tie * expit(x[:, -1]), D.LEAST_WIDTH
+            np.exp(logsumexp(x[:, :p], axis=1)) * widths_of(prior.tie, expit(x[:, -1])),
+            D.LEAST_WIDTH,
         )
     return lapse, width
 
@@ -411,7 +412,7 @@ def test_moves_leave_a_posterior_as_it_is(lapse: float | None, tie: float, last:
     rng = np.random.default_rng(7)
     prior, laws = learning(prior_of(4, lapse=lapse), lapse is None, tie)
     rows, tied = rows_of(rng, 4, 12)
-    x = prior_draws(rng, 3, scaled(300_000, 600_000) if tie else 150_000, laws=laws)
+    x = prior_draws(rng, 3, scaled(1_000_000, 2_000_000) if tie else 150_000, laws=laws)
     powers = np.r_[np.ones(11), last]
     logs = log_terms(np.exp(x[:, :3]), rows.T, tied, *lapses_and_widths(x, 3, prior)) @ powers
     w = np.exp(logs - logs.max())
