@@ -310,19 +310,26 @@ class Result:
     def tie_warning(self) -> str:
         """A sentence if so many answers are "equal" that the tutor's ties may be too wide, else "".
 
-        A loss bound allows for a tutor who calls equal a difference of up to twice the comparator's
-        ``tie``. Nothing in the answers shows whether "equal" reaches farther.
+        A proven loss bound allows for a tutor who calls equal a difference of up to twice the
+        comparator's ``tie``. Nothing in the answers shows whether "equal" reaches farther. The
+        posterior learns how far it reaches, and several answers may be needed for that.
         """
         given = len(self.answers)
         equal = int(np.count_nonzero(self.answers.y == Verdict.EQUAL))
         if equal < _MANY_EQUAL or equal < _SHARE_OF_EQUAL * given:
             return ""
+        said = f'{equal} of {given} answers say "equal".'
+        if 0 < self.confidence < 1 and tie_of(self.comparator):
+            return (
+                f'{said} How far "equal" reaches is learned from these answers: while they are '
+                "few, the bound may hold less often than stated."
+            )
         widest = 2 * tie_of(self.comparator)
         meant = f"differ by at most {100 * widest:.3g}% of the value range"
         meant = meant if widest else "do not differ at all"
         return (
-            f'{equal} of {given} answers say "equal". The bound counts on pairs called equal that '
-            f"{meant}: if the tutor means more, give the comparator a larger tie."
+            f"{said} The bound counts on pairs called equal that {meant}: if the tutor means more, "
+            "give the comparator a larger tie."
         )
 
     @property
