@@ -39,6 +39,7 @@ from elicit.asking.options import (
 from elicit.asking.question import AnsweredQuery, Audit, Pair, Pending, Place
 from elicit.asking.several_people import CannotTell, addressed, nobody_left, verdict_of_all
 from elicit.comparators.baselines import AlwaysAsk
+from elicit.decision.comparator_rule import LearnsInLoops, Rule, rule_of
 from elicit.decision.verdicts import decide
 from elicit.model.comparator import (
     Comparator,
@@ -358,30 +359,39 @@ class Elicitation:
 
     @property
     def room(self) -> int:
-        """The number of answers that a compiled loop may take by itself.
+        """The number of answers that a compiled loop may take by itself, with the rule as it is.
 
         It is 0 if each answer may change what is asked next.
         """
         comparator = self.comparator
-        free = not (
-            self._audit
-            or self._near_ties.tie
-            or self._unclear
-            or self.pending
-            or self.guesses
-            or self.signs
-        )
-        free = free and not self._several
-        if not free or not hasattr(type(comparator), "answers_to_next_step"):
+        if self._near_ties.tie or not hasattr(type(comparator), "answers_to_next_step"):
             return 0
-        left = cast(LearnsInSteps, comparator).answers_to_next_step
-        return left if self._max_queries is None else min(left, self._max_queries - self.asked)
+        return self._at_most(cast(LearnsInSteps, comparator).answers_to_next_step)
 
-    def take(self, left: Floats, right: Floats, verdicts: Verdicts) -> None:
+    @property
+    def room_in_rule(self) -> int:
+        """The number of strict answers that a compiled loop may enter in the comparator's rule."""
+        comparator = self.comparator
+        near_matter = self._near_ties.in_a_row or self.indifference
+        if near_matter or not isinstance(comparator, LearnsInLoops):
+            return 0
+        return self._at_most(rule_of(comparator).room)
+
+    def _at_most(self, room: int) -> int:
+        """Return room for answers, less what the budget excludes; 0 if Python must see each."""
+        unfree = self._audit or self._unclear or self.pending or self.guesses or self.signs
+        if unfree or self._several:
+            return 0
+        return room if self._max_queries is None else min(room, self._max_queries - self.asked)
+
+    def take(
+        self, left: Floats, right: Floats, verdicts: Verdicts, rule: Rule | None = None
+    ) -> None:
         """Learn answers (n,) that a loop got from a tutor by itself.
 
         They are about vectors left and right (n, k), within the ``room`` there was, and count as if
-        they had been asked and told one by one. The loop counts the comparisons.
+        they had been asked and told one by one. The loop counts the comparisons. If it has entered
+        the answers in the comparator's rule, within ``room_in_rule``, that ``rule`` is given.
         """
         first = self._number
         ids = [
@@ -389,7 +399,11 @@ class Elicitation:
             for i, pair in enumerate(zip(left, right, strict=True))
         ]
         told = Answers(left - right, verdicts, ids)
-        comparator = self.comparator.update(told)
+        comparator = (
+            self.comparator.update(told)
+            if rule is None
+            else cast(LearnsInLoops, self.comparator).learned_in_loop(told, rule)
+        )
         self._answered.add_many(
             told.d, verdicts
         )  # twice does no harm, should the rest be interrupted

@@ -385,6 +385,7 @@ _PARTS: Mapping[str, _Combination] = {
     "cells": _Combination("", lambda panel: None),
     "wrong": _Combination("", lambda panel: None),
     "answers_to_next_step": _Combination("", lambda panel: None),
+    "learned_in_loop": _Combination("", lambda panel: None),
 }
 
 

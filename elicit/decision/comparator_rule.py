@@ -12,6 +12,7 @@ import numpy as np
 
 from elicit.lp.primal_simplex import Known, nothing_known
 from elicit.model.comparator import Comparator, Decisions
+from elicit.model.query import Answers
 from elicit.model.scale import Floats
 
 NO_ARRAYS, ALWAYS_ASK, ORDER_ONLY, PROVEN, OUTER, WEIGHTED, ENSEMBLE, BOX = range(8)
@@ -27,6 +28,7 @@ class Rule(NamedTuple):
     scales: Floats  # (p, m)
     weights: Floats  # (m,)
     level: float
+    room: int  # the number of answers that compiled code may enter in ``known`` by ``cut_at_once``
 
 
 class Ruled(Protocol):
@@ -45,11 +47,19 @@ class DecidesRest(Protocol):
         """Return verdicts and tiers (n,) of differences d (n, k) that the rule leaves open."""
 
 
+@runtime_checkable
+class LearnsInLoops(Protocol):
+    """A comparator whose rule a compiled loop may change by answers, up to the rule's ``room``."""
+
+    def learned_in_loop(self, answers: Answers, rule: Rule) -> Comparator:
+        """Return the comparator after strict answers that a loop has entered in its rule."""
+
+
 @cache
 def nothing() -> Rule:
     """Return a rule without arrays: beyond dominance, only the comparator itself can decide."""
     known = nothing_known(0.0, np.empty((0, 0)), np.empty(0), vertices=0)
-    return Rule(NO_ARRAYS, True, known, np.empty((0, 0)), np.empty(0), 0.0)
+    return Rule(NO_ARRAYS, True, known, np.empty((0, 0)), np.empty(0), 0.0, 0)
 
 
 def unaided() -> Rule:
@@ -67,9 +77,9 @@ def silent() -> Rule:
     return nothing()._replace(kind=ORDER_ONLY)
 
 
-def proven(known: Known) -> Rule:
-    """Return the rule that decides by proofs about K_t."""
-    return nothing()._replace(kind=PROVEN, known=known)
+def proven(known: Known, room: int) -> Rule:
+    """Return the rule that decides by proofs about K_t, with room for so many answers."""
+    return nothing()._replace(kind=PROVEN, known=known, room=room)
 
 
 def outer(known: Known, inside: Floats) -> Rule:

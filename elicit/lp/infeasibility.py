@@ -6,6 +6,7 @@ import numpy as np
 
 from elicit.lp.dual_simplex import End, Vertex, minimise_exactly
 from elicit.lp.region import Region
+from elicit.lp.vertex_store import UNOPPOSED
 from elicit.model.difference import tail_sums
 from elicit.model.pairs import NEAR, same_pairs
 from elicit.model.query import Answers, InconsistentAnswers
@@ -67,12 +68,10 @@ def opposite_answers(answers: Answers, first: int) -> tuple[int, int] | None:
 def exclude_opposites(rows: Floats, g: Floats | None) -> bool:
     """Return whether a point shows that no answer is opposite to those with these rows (m, p).
 
-    The point g (p,) satisfies every answer; None: there is none. Rows of opposite answers are each
-    other's negative, up to ``NEAR`` in each entry. So a point that satisfies both, and whose
-    entries total 1, satisfies neither by more than that. It takes one product, where
-    ``opposite_answers`` looks through all answers.
+    The point g (p,) satisfies every answer; None: there is none. It takes one product, where
+    ``opposite_answers`` looks through all answers (``vertex_store.UNOPPOSED`` says why).
     """
-    return g is not None and bool((rows @ g > 2.0 * NEAR).all())
+    return g is not None and bool((rows @ g > UNOPPOSED).all())
 
 
 def opposed(rows: tuple[int, int], answers: Answers) -> InconsistentAnswers:

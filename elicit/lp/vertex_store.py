@@ -1,7 +1,8 @@
 """The upkeep of the facts about K_t: made from a region, cut by answers, pruned of redundant rows.
 
 All functions work on the arrays of ``primal_simplex.Known``. A cut makes new arrays, so that an
-older comparator still answers as before.
+older comparator still answers as before. A compiled loop can make the usual cut by itself
+(``cut_at_once``).
 """
 
 import math
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit._support.jit import compiled
+from elicit._support.jit import compiled, compiled_beside
 from elicit.lp.analytic_centre import analytic_centre
 from elicit.lp.dual_simplex import minimise
 from elicit.lp.primal_simplex import (
@@ -35,11 +36,17 @@ from elicit.lp.rounding import (
     strictly_inside,
     surely_inside,
 )
+from elicit.lp.sign_proofs import sign_of
+from elicit.model.difference_kernel import UNKNOWN
+from elicit.model.pairs import NEAR
 from elicit.model.scale import Floats
 
 MOST_VERTICES = 128
 MOST_NUMBERS = 1_000_000  # in all their inverses: with very many levels, fewer vertices are kept
 MOST_ROWS = 16  # rows proven beside the region's own
+# Rows of opposite answers are each other's negative, up to NEAR in each entry. So a point that
+# satisfies both, and whose entries total 1, satisfies neither by more than this.
+UNOPPOSED = 2.0 * NEAR
 
 
 def start(region: Region) -> Known:
@@ -60,27 +67,109 @@ def start(region: Region) -> Known:
     return known
 
 
-def cut(known: Known, region: Region) -> Known:
-    """Return the facts known of a region with one more row, its last.
-
-    All rows that held still hold. The vertices that the new row cannot cut off stay. The inner
-    point is still the old one: call ``refresh``.
-    """
-    row, limit, given = region.rows[-1], region.rhs[-1], len(known.limits)
-    new = _with_rows(known, row[None], region.rhs[-1:])
+def _cut_of_arrays(known: Known, row: Floats, limit: float) -> Known:
+    """Return ``cut``, computed with whole arrays."""
+    given, limits = len(known.limits), np.array([limit])
+    new = _with_rows(known, row[None], limits)
     stays = np.empty(known.counts[USED], dtype=np.bool_)
     beyond_doubt(known, row, limit, stays)
     after = _only_vertices(known, np.flatnonzero(stays))
     after.counts[ROW] = 0
     return after._replace(
-        cuts=np.ascontiguousarray(region.rows.T),
-        limits=region.rhs,
+        cuts=np.ascontiguousarray(np.concatenate([known.cuts, row[:, None]], axis=1)),
+        limits=np.append(known.limits, limits),
         inside=known.inside.copy(),
-        room=np.full(region.p + len(region.rows), np.nan),
+        room=np.full(len(row) + given + 1, np.nan),
         rows=_inserted(known.rows, given, new.rows),
         lifted=_inserted(known.lifted, given, new.lifted),
         masks=_inserted(known.masks, given, new.masks),
     )
+
+
+@compiled_beside(_cut_of_arrays)
+def cut(known: Known, row: Any, limit: float) -> Known:
+    """Return the facts known of K_t cut by one more row (p,), row.g >= limit.
+
+    All rows that held still hold. The vertices that the new row cannot cut off stay. The inner
+    point is still the old one: call ``recentre`` or ``refresh``.
+    """
+    (p, m), r, slots = known.cuts.shape, len(known.masks), len(known.kind)
+    new = Known(
+        known.margin,
+        np.empty((p, m + 1)),
+        np.empty(m + 1),
+        np.empty((r + 1, p)),
+        np.empty((r + 1, p)),
+        np.empty(r + 1, np.uint64),
+        known.inside.copy(),
+        np.full(p + m + 1, np.nan),
+        np.zeros((p, slots)),
+        np.empty((slots, p, p)),
+        np.zeros((slots, p - 1), np.int64),
+        np.zeros(slots, np.int8),
+        np.zeros(slots, np.int64),
+        np.zeros(3, np.int64),
+    )
+    for j in range(p):
+        for i in range(m):
+            new.cuts[j, i] = known.cuts[j, i]
+        new.cuts[j, m] = row[j]
+    for i in range(m):
+        new.limits[i] = known.limits[i]
+    new.limits[m] = limit
+    for i in range(r):  # the region's own rows come first, and the new one last among them
+        at = i if i < m else i + 1
+        new.masks[at] = known.masks[i]
+        for j in range(p):
+            new.rows[at, j], new.lifted[at, j] = known.rows[i, j], known.lifted[i, j]
+    know_row(new, m, row, limit)
+    stays = np.empty(known.counts[USED], dtype=np.bool_)
+    beyond_doubt(known, row, limit, stays)
+    n = 0
+    for q in range(len(stays)):
+        if stays[q]:
+            copy_vertex(known, q, new, n)
+            n += 1
+    new.counts[USED], new.counts[SLOT] = n, n % slots
+    return new
+
+
+@compiled
+def cut_at_once(known: Known, row: Any) -> tuple[bool, Known]:
+    """Return whether a row (p,), row.g >= 0, makes a usual cut, and the facts after it.
+
+    If it does not, they are the facts before. After a usual cut they are those that
+    ``PlausibleSet.cut`` would have, short of pruning. An unusual cut needs Python: the row already
+    decides something, or floats find no inner point or no vertex to start walks from, or an earlier
+    answer may say the opposite.
+    """
+    if sign_of(row, known) != UNKNOWN:
+        return False, known
+    after = cut(known, row, 0.0)
+    points, bases = 0, 0
+    for q in range(after.counts[USED]):
+        points += after.kind[q] != DOUBTFUL_VERTEX
+        bases += after.kind[q] != CERTAIN_POINT
+    if points == 0 or bases == 0 or not recentre(after, row, 0.0):
+        return False, known
+    excess = 0.0
+    for j in range(len(row)):
+        excess += row[j] * after.inside[j]
+    if not excess > UNOPPOSED:
+        return False, known
+    return True, after
+
+
+@compiled
+def copy_vertex(known: Known, q: int, new: Known, n: int) -> None:
+    """Store the vertex of one number as that of another number, among other facts."""
+    for j in range(known.inverses.shape[1]):
+        new.points[j, n] = known.points[j, q]
+        for i in range(known.inverses.shape[2]):
+            new.inverses[n, j, i] = known.inverses[q, j, i]
+    for i in range(known.active.shape[1]):
+        new.active[n, i] = known.active[q, i]
+    new.kind[n], new.age[n] = known.kind[q], known.age[q]
 
 
 def refresh(known: Known, region: Region) -> Known:
@@ -111,27 +200,33 @@ def beyond_doubt(known: Known, row: Any, limit: float, stays: Any) -> None:
 
 @compiled
 def know_rows(known: Known, rows: Any, limits: Any) -> None:
-    """Replace the known rows by rows w (r, p) with w.g >= 0, and set their masks.
+    """Replace the known rows by those that follow from rows.g >= limits, rows (r, p)."""
+    for i in range(len(limits)):
+        know_row(known, i, rows[i], limits[i])
 
-    They follow from rows.g >= limits and sum g = 1, rounded up where rounding is needed. Each has a
+
+@compiled
+def know_row(known: Known, place: int, row: Any, limit: float) -> None:
+    """Enter a known row w (p,) with w.g >= 0 in its place, with its mask.
+
+    It follows from row.g >= limit and sum g = 1, rounded up where rounding is needed. It has a
     lifted version: a little larger where w is negative, and larger still where w is positive. So t
     >= lambda times the lifted row implies t >= lambda (1 + 2^-48) w.
     """
-    for i in range(len(limits)):
-        mask, tiny, limit = np.uint64(0), False, limits[i]
-        for j in range(rows.shape[1]):
-            w = rows[i, j]
-            if limit != 0.0:
-                w += -limit + rounding_of(2, abs(w) + abs(limit))
-            known.rows[i, j] = w
-            known.lifted[i, j] = w * (1.0 + 2.0**-48 + (2.0**-50 if w > 0.0 else -(2.0**-50)))
-            tiny = tiny or (w != 0.0 and abs(w) < SMALL)
-            if j < 64 and w >= 0.0:
-                mask |= np.uint64(1) << np.uint64(j)
-        known.masks[i] = mask
-        if tiny:  # products with such entries underflow and prove nothing
-            for j in range(rows.shape[1]):
-                known.lifted[i, j] = math.nan
+    mask, tiny = np.uint64(0), False
+    for j in range(len(row)):
+        w = row[j]
+        if limit != 0.0:
+            w += -limit + rounding_of(2, abs(w) + abs(limit))
+        known.rows[place, j] = w
+        known.lifted[place, j] = w * (1.0 + 2.0**-48 + (2.0**-50 if w > 0.0 else -(2.0**-50)))
+        tiny = tiny or (w != 0.0 and abs(w) < SMALL)
+        if j < 64 and w >= 0.0:
+            mask |= np.uint64(1) << np.uint64(j)
+    known.masks[place] = mask
+    if tiny:  # products with such entries underflow and prove nothing
+        for j in range(len(row)):
+            known.lifted[place, j] = math.nan
 
 
 @compiled

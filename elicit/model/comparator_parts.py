@@ -221,6 +221,14 @@ OPTIONAL_PARTS = (
         (*_POLYTOPES, _OPEN, *_PANEL),
     ),
     Part(
+        "LearnsInLoops",
+        "learned_in_loop(answers, rule)",
+        "beside a `rule` with `room` for answers: itself after so many, which the loop has entered "
+        "in that rule",
+        "Q-learning's compiled loop asks a truthful simulated tutor by itself.",
+        ("PolytopeComparator",),
+    ),
+    Part(
         "KnowsPeople",
         "people",
         "the names of those who answer, whose scales it combines",

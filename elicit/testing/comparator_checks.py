@@ -9,7 +9,13 @@ from numpy.typing import NDArray
 from elicit._support.hashing import Seed
 from elicit._support.validation import is_number, is_whole
 from elicit.comparators.baselines import AlwaysAsk
-from elicit.decision.comparator_rule import NO_ARRAYS, Rule, compares_by_rule, rule_of
+from elicit.decision.comparator_rule import (
+    NO_ARRAYS,
+    LearnsInLoops,
+    Rule,
+    compares_by_rule,
+    rule_of,
+)
 from elicit.decision.verdicts import decide
 from elicit.model.comparator import Comparator, Tier, is_comparator, offers
 from elicit.model.comparator_parts import (
@@ -67,6 +73,7 @@ def _check_all(comparator: Comparator, d: Floats) -> None:
     _check_draws(comparator)
     _check_probability(comparator, d)
     _check_rule(comparator, d)
+    _check_learned_in_loop(comparator, d)
 
 
 def _check_values(comparator: Comparator) -> None:
@@ -427,6 +434,25 @@ def _check_rule(comparator: Comparator, d: Floats) -> None:
         right,
         f"decide_rest must return a tier, of elicit.Tier, for each of the differences, not {tiers}",
     )
+
+
+def _check_learned_in_loop(comparator: Comparator, d: Floats) -> None:
+    """Check that a comparator makes itself anew of its own rule, if no answers were entered."""
+    if offers(comparator, "learned_in_loop"):
+        made = cast(LearnsInLoops, comparator).learned_in_loop(
+            Answers.none(comparator.k), rule_of(comparator)
+        )
+        demand(
+            is_comparator(made),
+            f"learned_in_loop must return a comparator, not {type(made).__name__}",
+        )
+        demand_same(
+            "after learned_in_loop without answers, compare",
+            made.compare(d),
+            "what it said before",
+            comparator.compare(d),
+            d,
+        )
 
 
 def _check_update(comparator: Comparator, d: Floats) -> Comparator:

@@ -98,7 +98,7 @@ class InteractiveQLearning(Learner):
         If a setting is out of range.
     """
 
-    needs = Learner.needs | Needs(used=("answers_to_next_step",))
+    needs = Learner.needs | Needs(used=("answers_to_next_step", "learned_in_loop"))
 
     @takes_rng
     def __init__(
@@ -148,7 +148,7 @@ class InteractiveQLearning(Learner):
         for array in self.model:
             if isinstance(array, np.ndarray):
                 array.flags.writeable = False  # copies of the learner share them
-        jit.expect(kernel.advance, 1e-3 * steps)
+        jit.expect(kernel.advance_and_ask, 1e-3 * steps)
         self.state = _first_state(mdp, self.model, exploration.start)
         self._pairs = PairDecider(self._elicitation, mdp.n_states * mdp.n_actions)
         self._verdict = int(Verdict.UNKNOWN)  # on the pair at the cursor
@@ -174,11 +174,13 @@ class InteractiveQLearning(Learner):
             step = int(state.cursor[kernel.STEP])
             end = min(steps, step + max(step, _FIRST_PIECE))
             with np.errstate(all="ignore"):  # the hash wraps around
-                code = kernel.advance(state, self.model._replace(steps=end), verdict, deciding)
+                code, known = kernel.advance_and_ask(
+                    state, self.model._replace(steps=end), verdict, deciding
+                )
             self._verdict = int(Verdict.UNKNOWN)  # used up, in case the rest is interrupted
             decided = state.decided.copy()
             state.decided[:] = 0
-            if self._pairs.enter(decided):
+            if self._pairs.enter(decided, rule._replace(known=known)):
                 rule = rule_of(elicitation.comparator)
             if code == kernel.DONE and end == steps:
                 return ()

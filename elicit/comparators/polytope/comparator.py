@@ -196,15 +196,7 @@ class PolytopeComparator:
             Opposite answers to one pair always contradict each other: they do not mean that it is
             equal.
         """
-        new = object.__new__(PolytopeComparator)
-        new.k, new.margin, new.prior, new.tie, new.wrong = (
-            self.k,
-            self.margin,
-            self.prior,
-            self.tie,
-            self.wrong,
-        )
-        new.answers = self.answers + check_answers(answers, self.k)
+        new = self._with_answers(answers)
         if self._cells is not None:
             new._set, new._with_wider_ties = self._set, self._with_wider_ties
             new._cells = self._cells.update(answers, len(self.answers))
@@ -231,6 +223,17 @@ class PolytopeComparator:
             )
         return new
 
+    def learned_in_loop(self, answers: Answers, rule: Rule) -> PolytopeComparator:
+        """Return ``update`` with answers that a compiled loop has entered in its ``rule``.
+
+        None of them is "equal". The rule had ``room`` for them, and they do not contradict the
+        earlier ones.
+        """
+        new = self._with_answers(answers)
+        rows = answer_rows(answers, len(self.answers), self.tie)
+        new._set = new._with_wider_ties = self._set.cut_in_loop(*rows, rule.known)
+        return new
+
     def retract(self, *ids: str) -> PolytopeComparator:
         """Return a comparator without the answers of these ids.
 
@@ -249,7 +252,9 @@ class PolytopeComparator:
     @property
     def rule(self) -> Rule:
         """The proofs about K_t as plain arrays."""
-        return self._set.rule if self._cells is None else self._cells.rule
+        rule = self._set.rule if self._cells is None else self._cells.rule
+        cuts_all = self._cells is None and self._with_wider_ties is self._set
+        return rule if cuts_all else rule._replace(room=0)
 
     @one_thread
     def decide_rest(self, d: Floats) -> Decisions:
@@ -396,6 +401,14 @@ class PolytopeComparator:
         if self._cells is not None:
             return sum(part.scales.solves for part in self._cells.parts)
         return self._set.programs.solves
+
+    def _with_answers(self, answers: Answers) -> PolytopeComparator:
+        """Return a comparator with these further answers, whose sets are still to be made."""
+        new = object.__new__(PolytopeComparator)
+        new.k, new.margin, new.prior = self.k, self.margin, self.prior
+        new.tie, new.wrong = self.tie, self.wrong
+        new.answers = self.answers + check_answers(answers, self.k)
+        return new
 
     def _check_convex(self, what: str) -> None:
         if self._cells is not None:

@@ -19,7 +19,7 @@ from elicit.decision.verdicts import decide_by_rule
 from elicit.lp.clarabel_programs import Programs
 from elicit.lp.dual_simplex import Vertex, minimise_exactly
 from elicit.lp.infeasibility import is_empty
-from elicit.lp.primal_simplex import USED
+from elicit.lp.primal_simplex import USED, Known
 from elicit.lp.region import Region
 from elicit.lp.rounding import rounding
 from elicit.lp.sign_proofs import sign_of, signs_at_points
@@ -118,7 +118,8 @@ class PlausibleSet:
         if self.region.margin == 0 and len(self.region.rows) > 0 and self.inside is None:
             return unaided()
         if self._rule is None or self._rule.known is not self._known:
-            self._rule = proven(self._known)
+            room = 0 if self.inside is None else self._most_rows - len(self.region.rows)
+            self._rule = proven(self._known, room)
         return self._rule
 
     def decide_rest(self, d: Floats) -> Decisions:
@@ -217,17 +218,37 @@ class PlausibleSet:
         new = object.__new__(PlausibleSet)
         region, new._pruned_to = self.region.plus(row, rhs, owner), self._pruned_to
         with np.errstate(all="ignore"):
-            known = cut(self._known, region)
+            known = cut(self._known, row[0], float(rhs[0]))
             if not has_point(known):
                 _check_some(region)
             known = refresh(known, region)
-            if len(region.rows) > new._pruned_to * 1.3 + 2:
+            if len(region.rows) > self._most_rows:
                 known, region = prune(known, region)
                 new._pruned_to = len(region.rows)
-        new.region, new._known = region, known
-        if self._last is not None:  # its bounds hold, but are no longer tight
-            new._last = self._last._replace(enough=np.full(len(self._last.d), np.inf))
-        return new
+        return new._filled(region, known, self._last)
+
+    def cut_in_loop(
+        self, rows: Floats, rhs: Floats, owner: NDArray[np.int64], known: Known
+    ) -> PlausibleSet:
+        """Return the set cut by rows (m, p) that ``cut_at_once`` has entered in ``known``.
+
+        There may be as many rows as the rule had ``room`` for.
+        """
+        new = object.__new__(PlausibleSet)
+        new._pruned_to = self._pruned_to
+        return new._filled(self.region.plus(rows, rhs, owner), known, self._last)
+
+    @property
+    def _most_rows(self) -> int:
+        """The number of rows beyond which redundant ones are searched for."""
+        return int(self._pruned_to * 1.3 + 2)
+
+    def _filled(self, region: Region, known: Known, last: _Bounded | None) -> PlausibleSet:
+        """Return this new set, with a region, facts about it, and bounds over a larger set."""
+        self.region, self._known = region, known
+        if last is not None:  # its bounds hold, but are no longer tight
+            self._last = last._replace(enough=np.full(len(last.d), np.inf))
+        return self
 
     def _holds(self, row: Floats, limit: float) -> bool:
         """Return whether row.g >= limit is known to follow from the other rows."""

@@ -33,7 +33,9 @@ from elicit.asking.elicitation_kernel import AskingState, PairDecision, decide_p
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.comparator_rule import Rule, outlasts_answers, rule_of
 from elicit.decision.rule_kernel import certifies
+from elicit.lp.primal_simplex import Known
 from elicit.lp.sign_proofs import BY_DOMINANCE, BY_EQUAL, BY_SCREEN, BY_SIMPLEX
+from elicit.lp.vertex_store import cut_at_once
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.difference import tail_sums
 from elicit.model.difference_kernel import (
@@ -45,6 +47,7 @@ from elicit.model.difference_kernel import (
     mark_of,
     marks_within,
     near_to,
+    to_order_one,
 )
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats
@@ -61,7 +64,7 @@ from elicit.tutors.simulated_kernel import (
 BY_KNOWN, BY_TUTOR = int(Tier.KNOWN), int(Tier.TUTOR)
 _KEPT_AT_ONCE = 4096  # comparisons handed to a watcher at once
 _TOLD_AT_ONCE = 1024  # answers handed to the elicitation at once, at most
-USED, ROOM = 0, 1  # the entries of ``Told.fill``
+USED, ROOM, ROOM_IN_RULE = 0, 1, 2  # the entries of ``Told.fill``
 NO_TIER = -1  # the tier of a pair that is not decided yet
 
 
@@ -95,7 +98,9 @@ class Told(NamedTuple):
     verdicts: NDArray[np.int8]  # (c,)
     sums: Floats  # (c, p) tail sums of left - right
     marks: Floats  # (c,) the marks of these, by which a pair is found again
-    fill: NDArray[np.int64]  # (2,) number of answers, and largest number
+    # (3,) the number of answers, and the largest number: of those with the rule as it is, and of
+    # those that are entered in the rule
+    fill: NDArray[np.int64]
 
 
 class DecidingArrays(NamedTuple):
@@ -144,7 +149,7 @@ class PairDecider:
             verdicts=np.empty(c, np.int8),
             sums=np.empty((c, k - 1)),
             marks=np.empty(c),
-            fill=np.zeros(2, np.int64),
+            fill=np.zeros(3, np.int64),
         )
         self.tutor: AnswersInLoops | None = (
             None  # the tutor who is asked within the loop, if the elicitation has room for it
@@ -163,28 +168,35 @@ class PairDecider:
             oracle=oracle,
             certificates=self.certificates,
             kept=self._unwatched if elicitation.watch is None else self._watched,
-            tutor=self._tutor(),
+            tutor=self._tutor(rule),
             told=self._told,
         )
 
-    def _tutor(self) -> Respondent:
-        """Return the respondent to ask within the loop, and make room for the answers."""
+    def _tutor(self, rule: Rule) -> Respondent:
+        """Return the respondent to ask within the loop, and make room for the answers.
+
+        No answer is entered in a rule that lacks what was proven since the loop took it.
+        """
+        elicitation = self._elicitation
         respondent = nobody() if self.tutor is None else self.tutor.respondent
-        room = self._elicitation.room if respondent.kind != NOBODY else 0
-        self._told.fill[:] = 0, min(room, _TOLD_AT_ONCE)
+        room, in_rule = elicitation.room if respondent.kind != NOBODY else 0, 0
+        if respondent.kind == TRUTHFUL and not room:
+            latest = rule.known is rule_of(elicitation.comparator).known
+            in_rule = elicitation.room_in_rule if latest else 0
+        self._told.fill[:] = 0, min(room, _TOLD_AT_ONCE), min(in_rule, _TOLD_AT_ONCE)
         return respondent
 
-    def enter(self, tiers: NDArray[np.int64]) -> bool:
+    def enter(self, tiers: NDArray[np.int64], rule: Rule | None = None) -> bool:
         """Count a loop's comparisons (len(Tier),), and hand over what it has recorded.
 
-        The elicitation takes the tutor's answers, and the watcher gets the comparisons. Return
-        whether there were any answers.
+        The elicitation takes the tutor's answers, which the loop has entered in ``rule`` if there
+        was room in it. The watcher gets the comparisons. Return whether there were any answers.
         """
         elicitation, kept = self._elicitation, self._watched
         elicitation.counts += tiers
         if elicitation.signs is not None:
             elicitation.asked = int(elicitation.counts[Tier.TUTOR])
-        taken = self.take_told()
+        taken = self.take_told(rule if self._told.fill[ROOM_IN_RULE] else None)
         n, kept.used[0] = int(kept.used[0]), 0
         if n and elicitation.watch is not None:
             elicitation.watch(
@@ -192,16 +204,17 @@ class PairDecider:
             )
         return taken
 
-    def take_told(self) -> bool:
+    def take_told(self, rule: Rule | None = None) -> bool:
         """Have the elicitation take the answers given within the loop.
 
-        An interruption may have left some behind. Return whether there were any.
+        An interruption may have left some behind, without the rule that they were entered in.
+        Return whether there were any.
         """
         told = self._told
         n = int(told.fill[USED])
         if n:
             self._elicitation.take(
-                told.vectors[:n, 0], told.vectors[:n, 1], told.verdicts[:n].copy()
+                told.vectors[:n, 0], told.vectors[:n, 1], told.verdicts[:n].copy(), rule
             )
             told.fill[:] = 0
             self.take_answers()
@@ -330,13 +343,9 @@ def put(q: Any, s: int, a: int, b: int, t: Any, deciding: DecidingArrays) -> tup
     first error. There must be room for an answer.
     """
     kept, tutor, told = deciding.kept, deciding.tutor, deciding.told
-    fill = told.fill
-    mark, near = mark_of(t), near_to(t)
-    reach = marks_within(near, len(t))
-    for row in range(fill[USED]):
-        for way in (1, -1):
-            if abs(way * mark - told.marks[row]) <= reach and apart(t, way, told.sums[row]) <= near:
-                return way * told.verdicts[row], BY_KNOWN
+    known = told_before(t, told)
+    if known != UNKNOWN:
+        return known, BY_KNOWN
     if (
         tutor.kind != TRUTHFUL
         and tutor.tally[WRONG] == 0
@@ -344,20 +353,73 @@ def put(q: Any, s: int, a: int, b: int, t: Any, deciding: DecidingArrays) -> tup
         and kept.used[0] > 0
     ):
         return LEFT_OPEN, NO_TIER
-    row = fill[USED]
     verdict = respond(t, tutor)
     if verdict == LEFT_OPEN:
         return UNKNOWN, BY_TUTOR
+    record(q, s, a, b, t, verdict, told)
+    if verdict == EQUAL:  # this answer is binding, so that the rule to ask by must be made anew
+        told.fill[ROOM] = told.fill[USED]
+    return verdict, BY_TUTOR
+
+
+@compiled
+def told_before(t: Any, told: Told) -> int:
+    """Return the verdict of an answer within the loop to a pair with tail sums t (p,), or UNKNOWN.
+
+    The pair may stand the other way round.
+    """
+    mark, near = mark_of(t), near_to(t)
+    reach = marks_within(near, len(t))
+    for row in range(told.fill[USED]):
+        for way in (1, -1):
+            if abs(way * mark - told.marks[row]) <= reach and apart(t, way, told.sums[row]) <= near:
+                return int(way * told.verdicts[row])
+    return UNKNOWN
+
+
+@compiled
+def record(q: Any, s: int, a: int, b: int, t: Any, verdict: int, told: Told) -> None:
+    """Record an answer on a pair of actions with tail sums t (p,). There must be room."""
+    row = told.fill[USED]
     for j in range(q.shape[2]):
         told.vectors[row, 0, j] = q[s, a, j]
         told.vectors[row, 1, j] = q[s, b, j]
     for j in range(len(t)):
         told.sums[row, j] = t[j]
-    told.verdicts[row], told.marks[row] = verdict, mark
-    fill[USED] = row + 1
-    if verdict == EQUAL:  # this answer is binding, so that the rule to ask by must be made anew
-        fill[ROOM] = row + 1
-    return verdict, BY_TUTOR
+    told.verdicts[row], told.marks[row] = verdict, mark_of(t)
+    told.fill[USED] = row + 1
+
+
+@compiled
+def learn_pair(
+    q: Any, s: int, a: int, b: int, d: Any, t: Any, deciding: DecidingArrays
+) -> tuple[int, int, Known]:
+    """Ask the tutor about an open pair, and enter the answer in the proofs of the rule.
+
+    Return verdict and tier, and the facts about K_t from now on. UNKNOWN means that only Python can
+    ask, or take the answer in: nothing has changed then. There must be room in the rule. The
+    pair's difference is written into d (k,), and its tail sums into t (p,).
+    """
+    known, tutor, told = deciding.rule.known, deciding.tutor, deciding.told
+    difference(q, s, a, b, d, t)
+    verdict = told_before(t, told)
+    if verdict != UNKNOWN:
+        return verdict, BY_KNOWN, known
+    verdict = respond(t, tutor)
+    if verdict == LEFT_OPEN:
+        return UNKNOWN, BY_TUTOR, known
+    row = np.empty(len(t))  # as ``region.answer_rows`` has it
+    for j in range(len(t)):
+        row[j] = verdict * t[j] + 0.0
+    size, exponent = to_order_one(row)
+    done = verdict != EQUAL and size < 1.0 and exponent <= 0  # else bits may be lost
+    if done:
+        done, known = cut_at_once(known, row)
+    if not done:
+        tutor.tally[GIVEN] -= 1
+        return UNKNOWN, BY_TUTOR, known
+    record(q, s, a, b, t, verdict, told)
+    return verdict, BY_TUTOR, known
 
 
 @compiled

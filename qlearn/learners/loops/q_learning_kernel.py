@@ -14,17 +14,22 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing import mix, unit
 from elicit._support.jit import compiled
+from elicit.decision.comparator_rule import Rule
+from elicit.lp.primal_simplex import Known
 from elicit.lp.sign_proofs import BY_DOMINANCE
 from elicit.model.difference_kernel import BETTER, LEFT_OPEN, UNKNOWN
 from elicit.tutors.simulated_kernel import NOBODY, respond
 from qlearn.learners.loops.action_pair_kernel import (
     BY_TUTOR,
     NO_TIER,
+    ROOM_IN_RULE,
+    USED,
     DecidingArrays,
     decide_action_pair,
     difference,
     full,
     keep,
+    learn_pair,
     without_proof,
 )
 
@@ -142,6 +147,38 @@ def advance(state: State, model: Model, verdict: int, deciding: DecidingArrays) 
         cursor[POSITION] = IDLE
         cursor[STATE] = cursor[NEXT]
         cursor[STEP] += 1
+
+
+@compiled
+def advance_and_ask(
+    state: State, model: Model, verdict: int, deciding: DecidingArrays
+) -> tuple[int, Known]:
+    """Run ``advance``, and have open pairs answered here as long as ``learn_pair`` can.
+
+    Return the code of ``advance``, and the facts about K_t with the answers entered in them.
+    """
+    _, asking, oracle, certificates, kept, tutor, told = deciding
+    q, best, cursor, decided = state.q, state.best, state.cursor, state.decided
+    rule, k = deciding.rule, q.shape[2]
+    d, t = np.empty(k), np.empty(k - 1)
+    while True:
+        now = DecidingArrays(rule, asking, oracle, certificates, kept, tutor, told)
+        code = advance(state, model, verdict, now)
+        if code != ASK or told.fill[ROOM_IN_RULE] == 0:
+            return code, rule.known
+        if told.fill[USED] == told.fill[ROOM_IN_RULE]:
+            return FULL, rule.known
+        s = cursor[STATE]
+        challenger = model.actions[s, cursor[POSITION]]
+        verdict, tier, known = learn_pair(q, s, challenger, best[s], d, t, now)
+        if verdict == UNKNOWN:
+            return code, known
+        rule = Rule(
+            rule.kind, rule.dominance, known, rule.scales, rule.weights, rule.level, rule.room
+        )
+        if len(kept.tiers) > 0:
+            keep(d, verdict, tier, kept)
+        decided[tier] += 1
 
 
 @compiled

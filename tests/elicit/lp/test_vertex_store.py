@@ -9,6 +9,8 @@ import pytest
 
 from elicit import Answers, InconsistentAnswers, PolytopeComparator, Verdict
 from elicit.lp.dual_simplex import minimise_exactly
+from elicit.lp.primal_simplex import USED
+from elicit.lp.vertex_store import _cut_of_arrays, cut
 from tests.lp_cases import (
     KINDS,
     Oracle,
@@ -159,3 +161,26 @@ def test_ten_thousand_times_the_same_answer() -> None:
         )
         <= 21
     )
+
+
+@pytest.mark.parametrize("k", [3, 6, 12])
+def test_a_compiled_cut_is_the_one_of_whole_arrays(k: int) -> None:
+    """The same facts, to the last bit, in the places that are in use."""
+    rng = np.random.default_rng(k)
+    truth, c = draw_truth(rng, k - 1), PolytopeComparator(k)
+    for _ in range(12):
+        c.compare(shares(rng, k, 50))
+        d = shares(rng, k, 1)
+        row = tail_sums(d)[0]
+        row /= np.abs(row).max()
+        known = c.rule.known
+        for limit in (0.0, -0.25):
+            ours, plain = cut(known, row, limit), _cut_of_arrays(known, row, limit)
+            used = ours.counts[USED]
+            assert used <= known.counts[USED]
+            for name in known._fields:
+                mine, its = getattr(ours, name), getattr(plain, name)
+                if name == "inverses":  # free places hold anything
+                    mine, its = mine[:used], its[:used]
+                np.testing.assert_array_equal(mine, its, err_msg=name)
+        c = c.update(Answers(d, answered(rng, d, truth)))

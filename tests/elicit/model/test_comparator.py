@@ -389,6 +389,7 @@ BAD_PARTS = {
     "unordered": {"unordered": (0, 2)},
     "answers": {"answers": Answers.none(9)},
     "answers_to_next_step": {"answers_to_next_step": 0},
+    "learned_in_loop": {"learned_in_loop": lambda self, answers, rule: None},
     "people": {"people": ("ann", "ann")},
     "whom": {"people": ("ann",), "whom": lambda self, d, besides: PersonAsked("ben", d)},
     "rule": {"rule": 3, "compare": OneScale.compare},

@@ -10,6 +10,7 @@ import pytest
 from elicit import (
     AlwaysAsk,
     Answer,
+    AnswerLog,
     Answers,
     BradleyTerryComparator,
     BradleyTerryTutor,
@@ -515,3 +516,29 @@ def test_answers_taken_at_once_are_as_good_as_asked_and_told(
         assert (one == other).all()
     if make is wide_margin and audit:
         assert len(usual.answers) < usual.asked + usual.audited  # some were dropped
+
+
+@pytest.mark.parametrize("k", [4, 8])
+@pytest.mark.parametrize("more", [{}, {"max_queries": 7}, {"indifference": 0.02}])
+def test_a_loop_that_learns_does_what_a_tutor_asked_one_by_one_does(k, more) -> None:
+    """A log makes every question go through Python: nothing else may differ."""
+    mdp, values = random_mdp(20, 4, k, seed=k)
+    tutor, results = TruthfulTutor(mdp.normalise(values)), []
+    for log in (None, AnswerLog()):
+        learner = InteractiveQLearning(mdp, PolytopeComparator(k), steps=3000, seed=1, **more)
+        results.append((drive(learner, tutor, log), learner))
+    (ours, learner), (plain, asking) = results
+    assert ours.asked == plain.asked > 5
+    assert ours.answers.ids == plain.answers.ids
+    assert (ours.answers.d == plain.answers.d).all()
+    assert (ours.answers.y == plain.answers.y).all()
+    assert (learner.state.q == asking.state.q).all()
+    assert (ours.policy == plain.policy).all()
+    assert ours.decided == plain.decided
+    mine, its = learner.comparator.region, asking.comparator.region
+    assert (mine.rows == its.rows).all()
+    for name, one in learner.comparator.rule.known._asdict().items():
+        if name != "inverses":
+            np.testing.assert_array_equal(
+                one, getattr(asking.comparator.rule.known, name), err_msg=name
+            )
