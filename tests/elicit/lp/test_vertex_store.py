@@ -165,7 +165,7 @@ def test_ten_thousand_times_the_same_answer() -> None:
 
 @pytest.mark.parametrize("k", [3, 6, 12])
 def test_a_compiled_cut_is_the_one_of_whole_arrays(k: int) -> None:
-    """The same facts, to the last bit, in the places that are in use."""
+    """Compiled and whole-array cuts leave equal facts in all places in use."""
     rng = np.random.default_rng(k)
     truth, c = draw_truth(rng, k - 1), PolytopeComparator(k)
     for _ in range(12):

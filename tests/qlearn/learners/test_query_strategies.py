@@ -2,6 +2,7 @@
 
 import inspect
 import math
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -17,7 +18,10 @@ from elicit import (
     PosteriorComparator,
     TruthfulTutor,
 )
-from elicit.asking.bags import entropy
+from elicit._support.fixed_order import product
+from elicit.asking.bags import Bags, entropy
+from elicit.asking.elicitation import Elicitation
+from elicit.model.difference import tail_sums
 from qlearn import (
     InteractivePolicyIteration,
     InteractiveQLearning,
@@ -30,7 +34,7 @@ from qlearn import (
     random_mdp,
     strategies,
 )
-from qlearn.learners.query_strategies import Candidates
+from qlearn.learners.query_strategies import Candidates, simple_pair
 
 ALL = (
     strategies.first_come,
@@ -361,3 +365,21 @@ def test_the_module_lists_its_strategies_and_little_else():
     namespace = {}
     exec("from qlearn.learners.query_strategies import *", namespace)
     assert set(strategies.__all__) <= set(namespace)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_who_called_five_near_pairs_equal_is_asked_no_bag_that_is_as_near(seed):
+    k, tie = 5, 0.1
+    rng = np.random.default_rng(seed)
+    e = np.concatenate([[0.0], np.sort(rng.random(k - 2)), [1.0]])
+    d = rng.dirichlet(np.ones(k), 20) - rng.dirichlet(np.ones(k), 20)
+    comparator = PolytopeComparator(k, tie=tie).update(Answers(d, np.sign(d @ e).astype(int)))
+    elicitation = Elicitation(comparator, "x")
+    elicitation._near_ties = replace(elicitation._near_ties, in_a_row=5)
+    assert elicitation.gave_up
+    about = rng.dirichlet(np.ones(k), 8) - rng.dirichlet(np.ones(k), 8)
+    some = Candidates(about, np.arange(8), np.zeros(8, np.int64), 0.0, comparator)
+    pair = simple_pair(elicitation, Bags(), some, about, list("abcde"))
+    assert pair is not None
+    worth = np.abs(product(tail_sums((pair.left - pair.right)[None]), some.draws.gaps))
+    assert worth.max() > elicitation.indifference > comparator.tie
