@@ -656,8 +656,8 @@ class Interview(Closing):
             for entry in among:
                 self._session.withdraw(entry.answer.query.id, **{IN_CONFLICT: True})
             return self._screen("Thank you. None of these answers is used.")
-        self._session.withdraw(choice.removeprefix("withdraw:"), **{IN_CONFLICT: True})
-        return self._screen("Thank you. The other answers stay.")
+        became = self._withdrawn(choice.removeprefix("withdraw:"), **{IN_CONFLICT: True})
+        return self._screen(f"Thank you.{became}")
 
     def _undo(self, id: str) -> dict[str, Any]:
         standing = self._session.log.standing
@@ -677,8 +677,19 @@ class Interview(Closing):
                 self._taken_back_before(id) or "Nothing was taken back: there is no such answer."
             )
         self._forget()
-        self._session.withdraw(id)
-        return self._taken_back("Taken back. The other answers stay.")
+        return self._taken_back(f"Taken back.{self._withdrawn(id)}")
+
+    def _withdrawn(self, id: str, **metadata: Any) -> str:
+        """Take an answer back, and return a sentence on what became of the others."""
+        before = len(self._session.log.standing)
+        self._session.withdraw(id, **metadata)
+        checks = before - len(self._session.log.standing) - 1
+        if checks < 1:
+            return " The other answers stay."
+        gone = (
+            "The check that repeated it goes" if checks == 1 else "The checks that repeated it go"
+        )
+        return f" {gone} with it. The other answers stay."
 
     def _taken_back(self, said: str) -> dict[str, Any]:
         """Return the screen after an answer was taken back, with a note on what became of it."""

@@ -48,6 +48,10 @@ from elicit.tutors.answer_log import (
     check_person,
 )
 
+# share of the value range by which two sides called equal may differ without a contradiction: half
+# a person of ten
+_ABOUT_EQUAL = 0.05
+
 
 @dataclass(frozen=True)
 class SessionStatus:
@@ -491,7 +495,8 @@ class Session(Closing):
         """Return sets of answers that contradict each other, whatever the scale.
 
         If any one of a set were withdrawn, the others of that set would be consistent. No answer is
-        in two sets. The person is taken not to err, also with a noisy comparator. Answers of
+        in two sets. The person is taken not to err, also with a noisy comparator. But with one that
+        allows for errors, what they call equal may differ by 5% of the value range. Answers of
         different people do not contradict each other.
         """
         told = [entry for entry in self._log if counts(entry) and entry.answer.verdict is not None]
@@ -617,7 +622,8 @@ class Session(Closing):
         known = asker.comparator
         if isinstance(known, PolytopeComparator):
             return PolytopeComparator(k, known.margin, known.prior, known.tie)
-        return PolytopeComparator(k, tie=tie_of(known))
+        # who counts in ten people must round, and such a comparator learns how far "equal" reaches
+        return PolytopeComparator(k, tie=max(tie_of(known), _ABOUT_EQUAL))
 
 
 def _last_answer(entries: Sequence[Entry], id: str) -> Answer | None:

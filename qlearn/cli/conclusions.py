@@ -107,6 +107,8 @@ def policy_conclusion(
     )
 
 
+_NEARLY = 0.03  # an alternative worth as much less than the best is nearly as good
+_FEW_NAMED = 3  # alternatives that are named in a sentence
 _NARROW = 0.5  # width of a range, a share of the whole, up to which a best guess is said
 
 _COMPARES = "The loss compares what outcomes are worth to you. It does not predict any."
@@ -300,6 +302,7 @@ def choice_conclusion(
         near = result.status is Status.CALLED_EQUAL and result.loss_bound > 0
         equal = ", or as good as any" if near else ""
         headline = f"By your answers “{result.name}” is best{equal}. {no_better}"
+        headline = f"{headline} {_nearly_as_good(names, shares, result)}".strip()
         after = "You can stop here."
         more = "More answers would make it surer." if result.loss_bound > 0 else ""
     else:
@@ -329,6 +332,26 @@ def choice_conclusion(
     )
 
 
+def _nearly_as_good(names: Sequence[str], shares: Floats, result: Choice) -> str:
+    """Return a sentence that names what is worth nearly as much as the choice, or ""."""
+    points = _points(shares, result)
+    best = list(names).index(result.name)
+    close = np.flatnonzero(points >= points[best] - _NEARLY)
+    near = [i for i in close[np.argsort(-points[close], kind="stable")].tolist() if i != best]
+    if not near:
+        return ""
+    some = [f"“{printable(names[i])}” ({100 * points[i]:.0f} of 100)" for i in near[:_FEW_NAMED]]
+    more = len(near) - len(some)
+    said = ", ".join(some) + (f" and {more} more" if more else "")
+    verb = "is" if len(near) == 1 else "are"
+    return f"Nearly as good {verb} {said}, beside {100 * points[best]:.0f} for the best."
+
+
+def _points(shares: Floats, result: Choice) -> Floats:
+    """Return the best guess (n,) of what each alternative is worth, from 0 to 1."""
+    return product(tail_sums(shares), np.diff(best_guess(result.comparator)))
+
+
 def choice_holds(told: InWords, result: Choice) -> bool:
     """Return whether no question is left, and no other alternative is better by the tolerance.
 
@@ -345,7 +368,7 @@ def _worth(told: InWords, names: Sequence[str], shares: Floats, result: Choice) 
     """Return what each alternative consists of, and what it is worth as far as is known."""
     labels = told.labels
     low, high = bounds_of(result.comparator, shares)
-    points = product(tail_sums(shares), np.diff(best_guess(result.comparator)))
+    points = _points(shares, result)
     order = np.argsort(-points, kind="stable").tolist()
     narrow = np.minimum(high, 1.0) - np.maximum(low, 0.0) <= _NARROW
     rows = tuple(

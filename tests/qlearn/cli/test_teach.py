@@ -293,7 +293,7 @@ def test_a_choice_from_a_csv(lets_answer: Callable[..., str], tmp_path: Path) ->
     assert "(Rounded" not in shown
     log = AnswerLog.read(tmp_path / "answers-care.jsonl")
     assert log.header["unit"] == "patients"
-    assert sum(not entry.repeat for entry in log) == 6  # one would have been enough for the pairs
+    assert sum(not entry.repeat for entry in log) == 5  # one would have been enough for the pairs
 
 
 @pytest.mark.parametrize("total", [100, 0.5])

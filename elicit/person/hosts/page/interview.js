@@ -59,6 +59,9 @@ export function mount(root, send, options = {}) {
   hide(banner);
   root.classList.add("elicit");
   root.replaceChildren(sheet);
+  root.addEventListener("pointermove", (event) => {
+    if (event.movementX || event.movementY) root.classList.remove("still");
+  });
 
   // ---- what is said to the host
 
@@ -393,6 +396,7 @@ export function mount(root, send, options = {}) {
       if (live) {
         const pick = button("pick", words, () => answer(side, words), key, shortcut);
         pick.dataset.choice = side;
+        root.classList.add("still"); // a card that comes up under a resting pointer must not look chosen
         card.append(pick); // its ::after covers the card, so that the whole card is the button
         card.classList.add("live");
       } else if (chosen === side) {
@@ -719,7 +723,7 @@ const STAYS = "stays"; // returned by what changes nothing on the screen
 const WHEN = { dateStyle: "medium", timeStyle: "short" };
 const FILES = {
   scale: "the value and range of each level",
-  plan: "what is chosen, and where your answers change it",
+  plan: "what follows from your answers",
   answers: "each one, with both sides as you saw them, and whether it is used",
 };
 const PLAIN = new Set(["asked again as a check", "settled since"]); // no fault of the answer
