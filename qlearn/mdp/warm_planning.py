@@ -35,6 +35,7 @@ _LARGE = (
 )
 _MOST_COARSE = 30  # largest number of sweeps in single precision
 _AT_ONCE = 1 << 14  # states whose changes are in memory at the same time
+_FINEST = 1e-8  # values that choose questions are swept no further than to this width
 _SLOW = 0.8  # sweeps that leave more than this share of the last width are too slow
 
 
@@ -100,7 +101,13 @@ def nearly_valued(
     tails = np.full(gain.shape, 0.5) if start is None else np.ascontiguousarray(tail_sums(start))
     tails[mdp.terminal] = ends[mdp.terminal]
     shares = _shares_of(_followed(mdp, chain, gain, ends, tails, within, states))
-    if (shares if states is None else shares[states]).min() < -within:
+    negative = (shares if states is None else shares[states]).min() < -within
+    if negative and states is not None and within > _FINEST:
+        # the middle of the changes is off by up to discount / (1 - discount) of half their width
+        np.maximum(shares, 0.0, out=shares)
+        del chain, gain, ends, tails
+        return nearly_valued(mdp, policy, shares, within / 10, states)
+    if negative:
         # all columns were moved too far together, as can happen if some states already have all
         # that they will ever have; cutting off the negative part would tear states apart
         shares = _shares_of(valued(mdp, chain, gain, ends))
