@@ -19,7 +19,7 @@ from elicit.person.course.counts import Counts, in_answers, numbered
 from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
 from elicit.person.course.pace import Pace
-from elicit.person.findings import NOT_KNOWN, OVERLAP, certainty, overlap, scale_rows
+from elicit.person.findings import NOT_KNOWN, NOT_NEEDED, OVERLAP, certainty, overlap, scale_rows
 from elicit.person.next_question import NextQuestion
 from elicit.person.outlook import Prospect
 from elicit.person.report import ReportDetails, report_page
@@ -153,7 +153,8 @@ class Drawing:
             ]
         if len(among) > 1:
             choices.append({"choice": "cannot tell", "label": "I am not sure"})
-        choices.append({"choice": "later", "label": "Decide later"})
+        keep = "Keep them all" if len(among) > 1 else "Keep it"
+        choices.append({"choice": "later", "label": keep})
         return {
             "id": among[-1].answer.query.id,
             "heading": heading,
@@ -359,6 +360,7 @@ class Drawing:
             )
         rows = [] if known is None else scale_rows(known, subject.labels, session.log)
         scale = [row._asdict() for row in rows]
+        settled = found.settled and caution is None and enough
         return {
             "headline": printable(headline),
             "sure": printable(sure),
@@ -366,7 +368,7 @@ class Drawing:
             "before": printable(before),
             "caution": caution,
             "remarks": self._remarks() if subject.least else [],
-            "settled": found.settled and caution is None and enough,
+            "settled": settled,
             "more": left,
             "finished": over,
             "open": f"There is no finer question in whole numbers. {subject.finer}".strip()
@@ -376,6 +378,7 @@ class Drawing:
             "by_chance": conduct.by_chance if subject.least else "",
             "scale_notes": [
                 *([] if all(row.known for row in rows) else [NOT_KNOWN]),
+                *([NOT_NEEDED] if settled and left and not all(row.known for row in rows) else []),
                 *([OVERLAP] if overlap(rows) else []),
             ],
             "certainty": None

@@ -618,3 +618,19 @@ def test_answers_of_different_people_do_not_contradict_each_other() -> None:
     session = Session(several, log)
     assert [[e.answer.query.id for e in found] for found in session.conflicts()] == [["0", "2"]]
     assert [e.answer.query.id for e in session.contradiction()] == ["0", "2"]
+
+
+@pytest.mark.parametrize(("off", "contradict"), [(0.04, False), (0.12, True)])
+@pytest.mark.parametrize("maker", [make, posterior])
+def test_what_is_called_equal_may_be_rounded_where_errors_are_allowed_for(
+    maker: Any, off: float, contradict: bool
+) -> None:
+    """The same level is called as good as two mixtures whose values differ by ``off``."""
+    level, log = [0.0, 0, 1, 0, 0], AnswerLog(k=K)
+    for i, share in enumerate((0.5, 0.5 + off)):
+        mixture = [1 - share, 0, 0, 0, share]
+        log.append(Answer(Query(f"{i}", level, mixture), Verdict.EQUAL))
+    contradict |= maker is make
+    session = Session(maker, log)
+    assert len(session.conflicts()) == contradict
+    assert bool(session.contradiction()) == contradict

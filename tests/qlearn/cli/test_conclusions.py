@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit import Bags, FlippingTutor, PolytopeComparator, PosteriorComparator, Words
+from elicit import Bags, FlippingTutor, PolytopeComparator, PosteriorComparator, Words, choose
 from qlearn import InteractivePolicyIteration, equal_gaps_policy, random_mdp
-from qlearn.cli.conclusions import InWords, policy_conclusion
+from qlearn.cli.conclusions import InWords, choice_conclusion, policy_conclusion
 
 MAKERS: dict[str, tuple[Any, str]] = {
     "polytope": (PolytopeComparator, "for every scale that fits your answers."),
@@ -71,3 +71,19 @@ def test_the_changes_listed_are_the_certain_ones(name: str, seed: int) -> None:
             break
         learner.tell([tutor(query) for query in queries])
     assert len(found) >= 3  # kinds of tables
+
+
+@pytest.mark.parametrize(
+    ("second", "said"),
+    [
+        ([0.02, 0.02, 0.96], " Nearly as good is “other” (97 of 100), beside 100 for the best."),
+        ([0.1, 0.0, 0.9], ""),
+    ],
+)
+def test_an_alternative_that_is_nearly_as_good_is_named(second: list[float], said: str) -> None:
+    shares = np.array([[0.0, 0.0, 1.0], second, [0.5, 0.5, 0.0]])
+    names = ["first", "other", "third"]
+    result = choose(shares, PolytopeComparator(3), names=names).result()
+    told = InWords(("bad", "middle", "good"), Words(), 0.01)
+    headline = choice_conclusion(told, names, shares, result, None).headline
+    assert headline == f"By your answers “first” is best. No other alternative is better.{said}"

@@ -107,7 +107,7 @@ class Careless(io.StringIO):
         """Answer what stands last; at the end, end the input."""
         since = self._shown()
         self.text += since
-        later = re.search(r"(\d+): (Decide later|Go on as before)", since)
+        later = re.search(r"(\d+): (Keep them all|Keep it|Go on as before)", since)
         if later:
             return f"{later[1]}\n"
         return "" if "Enter: what was learned" in since else "a\n"

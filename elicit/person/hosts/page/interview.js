@@ -895,7 +895,7 @@ function planned({ planned: minutes, spent }, answered, budget) {
 function toCome(range, seconds, atLeast) {
   if (!range) return atLeast ? `at least ${atLeast} more` : "";
   const [least, most] = range;
-  if (most === 0) return "probably the last one";
+  if (most === 0) return "perhaps the last one";
   const minutes = Math.max(1, Math.round((most * seconds) / 60));
   const time = `, up to ${minutes} ${minutes === 1 ? "minute" : "minutes"}`;
   if (least === most) return `about ${most} more${time}`;
