@@ -625,7 +625,7 @@ def test_answers_of_different_people_do_not_contradict_each_other() -> None:
 def test_what_is_called_equal_may_be_rounded_where_errors_are_allowed_for(
     maker: Any, off: float, contradict: bool
 ) -> None:
-    """The same level is called as good as two mixtures whose values differ by ``off``."""
+    """Call a level as good as two mixtures whose values differ by ``off``."""
     level, log = [0.0, 0, 1, 0, 0], AnswerLog(k=K)
     for i, share in enumerate((0.5, 0.5 + off)):
         mixture = [1 - share, 0, 0, 0, share]
