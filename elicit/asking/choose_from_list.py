@@ -313,10 +313,11 @@ class Choosing:
         self._elicitation.open([Pair(self._vectors[ahead], self._vectors[other], about)])
 
     def _plan_best(self, by_guess: _Indices) -> _Plan:
-        """Return the vectors not beaten so far, the best guess first, and what to ask.
+        """Return three things about the vectors that no other one beats by the answers so far.
 
-        The second result counts how many of them the guess alone puts behind it; the third holds
-        the pairs worth a question, each with the better guess first.
+        These are the vectors themselves, sorted by their estimated value, best first; how many
+        follow the first, which is ahead of them by estimate only; and the pairs (n, 2) of the first
+        few that may be asked about, with the better estimate first.
         """
         left: list[int] = []
         for i in self._standing:

@@ -18,10 +18,11 @@ BLOCK = 64  # scales whose votes are counted between two tests of whether the le
 
 @compiled
 def by_weight(t: Any, shift: float, gaps: Any, weights: Any, level: float, at: Any) -> int:
-    """Return the verdict on t.g + shift that scales of total weight ``level`` share.
+    """Return BETTER if scales of at least the weight ``level`` have t.g + shift > 0.
 
-    The scales have gaps (p, m). Their scores are written into at (m,): all of them, unless the
-    verdict is UNKNOWN.
+    Return WORSE if as many have it < 0, else UNKNOWN. Column j of ``gaps`` (p, m) is the scale g
+    whose weight is ``weights[j]``. The scores t.g + shift are written into ``at`` (m,): all of
+    them, unless the verdict is UNKNOWN.
     """
     m, up, down, left = len(at), 0.0, 0.0, 1.0
     for start in range(0, m, BLOCK):

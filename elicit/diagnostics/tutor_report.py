@@ -214,12 +214,14 @@ def tutor_report(
 
     The second is from the model, P(left said better) = lapse/2 + (1 - lapse) sigma(c d.e), with the
     prior of ``PosteriorComparator`` on scale, precision c and lapse. It is the posterior share of
-    answers on the wrong side of the scale. The lapse's interval is the shortest,
-    from 0 on if that is hardly longer.
+    answers on the wrong side of the scale. The interval of the lapse is the shortest one that holds
+    the share ``level`` of the posterior. An interval from 0 on is given instead if it is at most
+    about a tenth longer.
 
-    Some twenty answers to questions that were asked because nobody could predict them say little
-    about errors: then the priors dominate. If no answer distinguishes a large precision from a
-    larger one, as with a tutor who never errs at near ties, its upper end is the prior's.
+    Some twenty answers say little about errors if each question was chosen because its answer could
+    not be predicted. The priors then dominate both figures from the model. A tutor who never errs,
+    even at near ties, fits every large precision equally well. The upper end of the precision's
+    interval is then that of the prior.
     """
     check_level(level)
     told = read_log(log, k)

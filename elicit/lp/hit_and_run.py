@@ -91,7 +91,7 @@ def _reached_together(slack: Floats, rate: Floats, up: Floats, down: Floats) -> 
 
 @compiled_beside(_reached_together)
 def _reached(slack: Any, rate: Any, up: Any, down: Any) -> None:
-    """Write the same, a constraint at a time."""
+    """Do what ``_reached_together`` does, one constraint at a time, for compiled code."""
     m, n = rate.shape
     for i in range(n):
         up[i], down[i] = math.inf, -math.inf
@@ -110,7 +110,7 @@ def _move_together(slack: Floats, rate: Floats, length: Floats) -> None:
 
 @compiled_beside(_move_together)
 def _move(slack: Any, rate: Any, length: Any) -> None:
-    """Do the same, a constraint at a time."""
+    """Do what ``_move_together`` does, one constraint at a time, for compiled code."""
     m, n = slack.shape
     for c in range(m):
         for i in range(n):

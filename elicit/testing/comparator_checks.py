@@ -438,7 +438,7 @@ def _check_rule(comparator: Comparator, d: Floats) -> None:
 
 def _check_learned_in_loop(comparator: Comparator, d: Floats) -> None:
     """Check that a comparator makes itself anew of its own rule, if no answers were entered."""
-    if offers(comparator, "learned_in_loop") and rule_of(comparator).room:
+    if offers(comparator, "learned_in_loop"):
         made = cast(LearnsInLoops, comparator).learned_in_loop(
             Answers.none(comparator.k), rule_of(comparator)
         )

@@ -384,9 +384,10 @@ def _tutor(
 
 
 def of_precision(c: float, mdp: OrdinalMDP, values: Floats, seed: int) -> BradleyTerryTutor:
-    """Return the tutor of eq. (6) with this c for discounted counts.
+    """Return the tutor of the paper's eq. (6), of precision c per unit of discounted return.
 
-    The hidden values (k,) are taken as they are.
+    The hidden values (k,) are not brought to 0..1 first. So c is multiplied by their range over
+    1 - discount, because ``BradleyTerryTutor`` counts its precision per value range of shares.
     """
     return BradleyTerryTutor(values, c * (values[-1] - values[0]) / (1.0 - mdp.discount), seed)
 

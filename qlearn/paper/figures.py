@@ -147,10 +147,10 @@ def _panels(
 def _lines(
     axes: Axes, rows: pd.DataFrame, measure: str, least: float, arrows: bool = False
 ) -> bool:
-    """A line a comparator and tutor; hollow markers: a truthful tutor.
+    """Draw one line with error bars for each pair of comparator and tutor.
 
-    Nothing is drawn below ``least``; ``arrows`` show what was cut off there. Returns whether
-    anything was.
+    The markers are hollow if the tutor never errs. What lies below ``least`` is cut off there, with
+    ``arrows`` marked by an arrow. Return whether anything was cut off.
     """
     cut = False
     arms: list[Any] = list(rows.groupby(["comparator", "errs"], sort=False))

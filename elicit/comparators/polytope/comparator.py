@@ -229,6 +229,8 @@ class PolytopeComparator:
         None of them is "equal". The rule had ``room`` for them, and they do not contradict the
         earlier ones.
         """
+        if not len(answers):
+            return self
         new = self._with_answers(answers)
         rows = answer_rows(answers, len(self.answers), self.tie)
         new._set = new._with_wider_ties = self._set.cut_in_loop(*rows, rule.known)

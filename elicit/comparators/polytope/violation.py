@@ -31,7 +31,10 @@ class Hinges(NamedTuple):
 
     @staticmethod
     def of(answers: Answers, tie: float) -> Hinges:
-        """Return the hinges of these answers, where "equal" means |d.e| <= ``tie``."""
+        """Return the hinges of these answers: one max(0, violation) for each inequality.
+
+        "Equal" states that |d.e| <= ``tie``.
+        """
         rows, rhs, owner = answer_rows(answers, 0, tie)
         size = of_order_one(answers.d, "the answers").exponent[owner]
         exponent = int(size.max()) if len(size) else 0

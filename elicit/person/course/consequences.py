@@ -35,7 +35,11 @@ class Consequences(Generic[T]):
         """True if nothing will be added."""
 
     def steps(self) -> Iterator[None]:
-        """Compute one choice a step. A choice whose asker cannot be made is left out."""
+        """Compute what each choice would lead to, one choice at each step of the iterator.
+
+        A choice is left out if its function raises ValueError, as for answers that contradict each
+        other.
+        """
         try:
             for choice, suppose in self._suppose.items():
                 with suppress(ValueError):  # also for answers that contradict each other
