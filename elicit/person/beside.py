@@ -17,15 +17,15 @@ from typing import Any
 
 import numpy as np
 
+from elicit._support.background import Background, MadeAhead, Turns
 from elicit._support.closing import Closing
 from elicit.model.query import Answer, Query, Verdict
-from elicit.person.asker import AfterAnswer, Asker, Supposed, tell
-from elicit.person.background import Background, MadeAhead, Turns
+from elicit.person.asker import AfterAnswer, Asker, Compares, Supposed, tell
 from elicit.person.course.choices import Choices
 from elicit.person.course.conduct import AGAIN, LEAST_CHECKS, ORDER, Conduct
 from elicit.person.course.consequences import Consequences
 from elicit.person.course.forecast import QuestionsLeft, Stated
-from elicit.person.course.level_questions import LEVEL
+from elicit.person.course.level_questions import LEVEL, questions_left
 from elicit.person.course.pace import Pace
 from elicit.person.drawing import MINUTES, Drawing
 from elicit.person.outlook import Outlook, Prospects
@@ -193,6 +193,7 @@ class Beside(Closing):
         self._conduct = Conduct.of(())  # before this question
         self._left = QuestionsLeft()
         self._stated = Stated()
+        self._levels_left: tuple[int, int] | None = None  # after "ask me more", this one included
         self._needed = (0, 0)  # answers and checks that must still come after this question
 
     def start(self, steps: Iterator[None]) -> None:
@@ -295,6 +296,9 @@ class Beside(Closing):
         self._conduct, self._needed = conduct, needed
         session, subject, now = self._session, self._subject, self._beside
         asker = session.current_asker()
+        self._levels_left = None
+        if self._chosen.more and isinstance(asker, Compares):
+            self._levels_left = questions_left(asker.comparator)
         if now is not None and now.shown == shown.id and now.asker is asker:
             return
         before, since = None if now is None else now.outlook, tuple(self._since)
@@ -403,13 +407,16 @@ class Beside(Closing):
         """Return the range of questions to come that is shown, or None if nothing is known.
 
         ``played`` is that of sessions that were played from here on. Without it, it is the
-        welcome's forecast.
+        welcome's forecast. Whoever asked for more is asked about levels until all are known.
         """
-        if self._chosen.more:
-            return None
         put, least = self._conduct.put, sum(self._needed)
         found = None
-        if played is not None:
+        if self._chosen.more:
+            if self._levels_left is None:
+                return None
+            fewest, most = (self._with_checks(max(0, n - 1)) for n in self._levels_left)
+            found = fewest, most
+        elif played is not None:
             fewest, most = (self._with_checks(max(self._needed[0], n)) for n in played)
             found = fewest, most
         elif self._prospects is not None and (lengths := self._prospects.lengths()) is not None:

@@ -73,12 +73,12 @@ class Drawing:
         """Return a sentence on what so many questions will likely prove."""
         words, n = self._subject.words, found.sessions
         if found.settled == n:
-            return f"In all of {n} simulated sessions the result was settled by then."
-        said = f"In {found.settled} of {n} simulated sessions the result was settled by then."
+            return f"Settled in all {n} simulated sessions."
+        said = f"Settled in {found.settled} of {n} simulated sessions."
         if 2 * found.settled > n or math.isnan(found.loss):
             return said
         most = in_unit(found.loss, words.unit, self._subject.labels, words.loss)
-        return printable(f"{said} In half of all {n} it could still lose at most {most}.")
+        return printable(f"{said} Half of all {n} could still lose {most}.")
 
     def _before(self, loss: float) -> str:
         """Return a sentence on what could be lost before the first answer."""
@@ -143,11 +143,11 @@ class Drawing:
             ]
         else:
             heading = f"These {len(among)} answers contradict each other"
-            text = "That can happen. Withdrawing any one of them fixes it."
+            text = "That can happen. Taking back any one of them fixes it."
             choices = [
                 {
                     "choice": f"withdraw:{entry.answer.query.id}",
-                    "label": f"Withdraw answer {numbers[entry.answer.query.id]}",
+                    "label": f"Take back answer {numbers[entry.answer.query.id]}",
                 }
                 for entry in among
             ]
@@ -198,11 +198,7 @@ class Drawing:
 
     def _numbers(self) -> dict[str, int]:
         """Return the number of each answer in lists and reports, by its query's id."""
-        return {
-            entry.answer.query.id: number
-            for number, entry in numbered(self._session.log)
-            if number is not None
-        }
+        return {entry.answer.query.id: number for number, entry in numbered(self._session.log)}
 
     def answers(self) -> dict[str, Any]:
         """Return the list of all answers, and the conflicts among them."""
@@ -433,5 +429,7 @@ class Drawing:
 
 def _in_words(shown: Shown) -> str:
     """Return both sides of a question in words, as they were shown."""
-    a, b, _ = shown.as_seen
-    return f"A: {a}. B: {b}. (Of {shown.of:,} {shown.words.unit}.)"
+    a, b, same = shown.as_seen
+    common = sum(shown.common)
+    rest = f"; {common:,} are the same in both: {same}" if common else ""
+    return f"A: {a}. B: {b}. (Of {shown.of:,} {shown.words.unit}{rest}.)"

@@ -105,7 +105,7 @@ class NextQuestion:
     def _order_check(self, k: int) -> Query | None:
         """Return the question about two neighbouring levels that is due, or None."""
         conduct = self._session.conduct()
-        n = sum(entry.answer.query.id.startswith(ORDER) for entry in self._session.log)
+        n = sum(entry.answer.query.id.startswith(ORDER) for entry in self._session.log.standing)
         due = (conduct.answered >= _ORDER_AFTER) + (conduct.differed > 0)
         if not self._session.audits or k < 3 or n >= due:
             return None

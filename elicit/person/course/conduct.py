@@ -37,6 +37,7 @@ _AS_TAKEN_BACK = 2
 _FEW = 3  # answers of one kind that are worth a remark at the end
 _SIDE_AT_END = 8
 _DIFFERED = 2  # checks answered otherwise that are worth a remark
+_LIKE_GUESSES = "Your answers cannot be told from guesses yet."
 _BY_CHANCE = 0.5  # share of the checks that answers by chance answer otherwise, at least
 _BY_SLIPS = 0.15  # share that somebody answers otherwise who means the answers
 _LIKELIER = 2.0  # so many times likelier by chance is said
@@ -183,18 +184,25 @@ class Conduct:
 
     @property
     def by_chance(self) -> str:
-        """A sentence on how often answers by chance would do as well in the checks, or ""."""
+        """A sentence on how often guesses would do as well in the checks, and why, or ""."""
         if not self.checks:
             return ""
         as_well = sum(math.comb(self.checks, n) for n in range(self.differed + 1))
         cases = 2**self.checks // as_well
+        order = ""
+        if self.checks > self.repeated:
+            alike = self.checks - self.differed
+            order = (
+                f"With the order of the levels, {alike} of {self.checks} checks were answered as "
+                "expected. "
+            )
+        half = f"{order}Someone who guesses is right in half of the checks"
         if cases < 2:
-            return "Someone who guesses would do as well in half of such interviews or more."
-        tell = "hardly look like guesses" if cases >= _RARE else "cannot be told from guesses yet"
-        return (
-            f"Someone who guesses would do as well in at most 1 of {cases} such interviews, so "
-            f"your answers {tell}."
-        )
+            return f"{half}, and so does as well."
+        tell = "So your answers hardly look like guesses."
+        if cases < _RARE:
+            tell = "More checks would tell your answers from guesses."
+        return f"{half}, and does as well in 1 of {cases} interviews. {tell}"
 
     @property
     def offers(self) -> bool:
@@ -232,31 +240,33 @@ class Conduct:
                 f"You chose {side} {n} times in a row, although the sides are shuffled. Answers "
                 "that do not depend on the question would look the same."
             )
-        back = self.taken_back
-        both = back + _AS_TAKEN_BACK * self.differed
-        many = both > _TAKEN_BACK and both >= _SHARE_TAKEN_BACK * self.given
-        if self.differed and back >= _FEW and many:
-            return (
-                f"You took back {back} answers because they contradicted others, and answered "
-                f"{self.differed} of {self.checks} check questions differently. Your answers "
-                "cannot be told from guesses yet."
-            )
-        if back >= _TAKEN_BACK and back >= _SHARE_TAKEN_BACK * self.given:
-            return (
-                f"You took back {back} answers because they contradicted others. Perhaps one that "
-                "you kept is not what you mean. Your answers cannot be told from guesses yet."
-            )
-        few_alike = 2 * self.differed >= max(self.checks, 1) or (
-            self.differed >= _DIFFERED and not self.passed
-        )
+        return self._in_doubt(at_end)
+
+    def _in_doubt(self, at_end: bool) -> str | None:
+        """Return a sentence on why answers that differ look like guesses, or None.
+
+        Answers differ if they were taken back because they contradicted others, or if a check was
+        answered otherwise.
+        """
+        back, other = self.taken_back, self.differed
+        both = back + _AS_TAKEN_BACK * other
+        many_back = back >= _TAKEN_BACK and back >= _SHARE_TAKEN_BACK * self.given
+        many_both = both > _TAKEN_BACK and both >= _SHARE_TAKEN_BACK * self.given
+        many_both = many_both and other > 0 and back >= _FEW
+        few_alike = 2 * other >= max(self.checks, 1) or (other >= _DIFFERED and not self.passed)
         failed = self.checks >= MOST_CHECKS and not self.passed
-        if self.like_chance or failed or (at_end and few_alike):
-            return (
-                f"You answered {self.differed} of {self.checks} check questions differently from "
-                "before, or against the order of the levels. With so few checks your answers "
-                "cannot be told from guesses."
-            )
-        return None
+        many_other = self.like_chance or failed or (at_end and few_alike)
+        if not (many_back or many_both or many_other):
+            return None
+        found = []
+        if many_back or many_both:
+            found.append(f"took back {back} answers because they contradicted others")
+        if many_both or not found:
+            found.append(f"answered {other} of {self.checks} check questions differently")
+        perhaps = (
+            "" if many_both or many_other else " Perhaps one that you kept is not what you mean."
+        )
+        return f"You {', and '.join(found)}.{perhaps} {_LIKE_GUESSES}"
 
 
 class Repeats:
