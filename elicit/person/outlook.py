@@ -248,7 +248,8 @@ def what_is_open(shown: Shown, comparator: Comparator) -> str | None:
     said = []
     if known:
         share = trusted_share(comparator)
-        sure = "" if share is None else f" (with {share:.0%} probability each)"
+        apiece = " each" if len(known) > 1 else ""
+        sure = "" if share is None else f" (with {share:.0%} probability{apiece})"
         each = _listed([f"{labels[j]} is between {a} and {b}" for j, (a, b) in known.items()])
         said.append(f"So far {each}{sure}, on the scale {scale}.")
     if named:

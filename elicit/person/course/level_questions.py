@@ -21,7 +21,7 @@ LEVEL = "level/"
 """Start of the id of a question about a level."""
 _NARROW = 0.02  # width of an interval, from 0 (worst) to 1 (best), that is not worth a question
 _APART = 0.05  # difference, of the same scale, that a question about what is known has at least
-_FEWEST = 0.6  # share of the halvings that an interval needs: the fewest questions that come
+_FEWEST = 0.5  # share of the halvings that an interval needs: the fewest questions that come
 _MOST = 1.6  # the same, of the most
 _GRID = 1e-6  # on which widths are compared, so that no rounding decides
 
@@ -119,8 +119,9 @@ def questions_left(comparator: Comparator) -> tuple[int, int] | None:
     """Return the fewest and the most questions about levels that are likely still to come, or None.
 
     The best question halves an interval, and one in whole numbers, or about a person who errs,
-    narrows it by less. In simulated sessions about 4 and 6 levels, after their first five
-    questions, 143 of 143 ranges held with a polytope, and 9 in 10 with a posterior.
+    narrows it by less. From each question on, after the first five, of 16 simulated sessions about
+    4 and 6 levels, the number left was in this range in 212 of 212 cases with a polytope, and in
+    328 of 366 with a posterior (people who err by nothing, and call .02 to .05 of the range equal).
 
     Parameters
     ----------

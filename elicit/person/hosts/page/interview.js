@@ -613,7 +613,7 @@ export function mount(root, send, options = {}) {
 
   // An old answer is taken back in two steps, for it cannot be put back. Until then nothing is sent.
   function back(id, sentence) {
-    const place = part("span", "buttons");
+    const place = part("div", "buttons");
     const take = button("back", "Take back", () => {
       const yes = button("back", SURE.yes, () => withdraw(id));
       const no = button("back", SURE.no, () => {

@@ -761,6 +761,7 @@ def test_an_answer_against_the_order_of_the_levels_stands_alone(windows: Windows
             "This answer goes against the order of the levels"
         )
         page.locator(".conflict").get_by_role("button").click()
+        page.locator(".conflict").get_by_role("button", name="Yes, take it back").click()
         at(page, "Question 1")
 
 
