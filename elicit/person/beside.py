@@ -194,6 +194,7 @@ class Beside(Closing):
         self._left = QuestionsLeft()
         self._stated = Stated()
         self._levels_left: tuple[int, int] | None = None  # after "ask me more", this one included
+        self._no_others = False  # but those that are needed
         self._needed = (0, 0)  # answers and checks that must still come after this question
 
     def start(self, steps: Iterator[None]) -> None:
@@ -282,7 +283,9 @@ class Beside(Closing):
         ready = now.ready  # read first: whatever is there by then stays
         return {"id": id, "choices": now.found(), "ready": ready}
 
-    def accompany(self, shown: Shown, conduct: Conduct, needed: tuple[int, int]) -> None:
+    def accompany(
+        self, shown: Shown, conduct: Conduct, needed: tuple[int, int], no_others: bool = False
+    ) -> None:
         """Start the computations beside a question, which is on the screen now.
 
         Parameters
@@ -292,8 +295,10 @@ class Beside(Closing):
             That of the answers before this question.
         needed : (2,) int
             Answers, and checks, that must still come after this one.
+        no_others : bool
+            True if no others come.
         """
-        self._conduct, self._needed = conduct, needed
+        self._conduct, self._needed, self._no_others = conduct, needed, no_others
         session, subject, now = self._session, self._subject, self._beside
         asker = session.current_asker()
         self._levels_left = None
@@ -410,6 +415,8 @@ class Beside(Closing):
         welcome's forecast. Whoever asked for more is asked about levels until all are known.
         """
         put, least = self._conduct.put, sum(self._needed)
+        if self._no_others:
+            return [least, least]
         found = None
         if self._chosen.more:
             if self._levels_left is None:

@@ -416,7 +416,8 @@ class Interview(Closing):
         if self._put != shown_now.id or self._chosen != self._kept:
             self._log_shown(shown_now)
         self.shown = shown_now
-        self._beside.accompany(shown_now, conduct, self._questions.still_needed(conduct))
+        needed = self._questions.still_needed(conduct, shown_now.id)
+        self._beside.accompany(shown_now, conduct, needed, self._questions.only_checks())
         return {
             **screen,
             "stage": "question",

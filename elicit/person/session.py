@@ -37,7 +37,7 @@ from elicit.person.asker import (
     Supposed,
     counts,
 )
-from elicit.person.course.conduct import SETTLED, Conduct, Repeats, differs, repeats_in
+from elicit.person.course.conduct import ORDER, SETTLED, Conduct, Repeats, differs, repeats_in
 from elicit.person.replayed_asker import ReplayedAsker
 from elicit.tutors.answer_log import (
     EXPECTED,
@@ -242,6 +242,19 @@ class Session(Closing):
     def confirming(self) -> Query | None:
         """Return an earlier question to put again before the end, or None."""
         return self._repeats.confirming(self.conduct()) if self.audits else None
+
+    def checks_left(self, id: str, further: int) -> int:
+        """Return the fewest checks that must come after the pending question of this id.
+
+        There are no more than questions to put again, if so many ``further`` answers come.
+        """
+        if not self.audits:
+            return 0
+        repeat = self.is_repeat(id)
+        needed = self.conduct().checks_left - (repeat or id.startswith(ORDER))
+        # it uses up one that may be repeated, and the last answer is repeated after another one
+        repeatable = self._repeats.left() + further - 2 * repeat
+        return max(0, min(needed, repeatable))
 
     def checking(self) -> Query | None:
         """Return an earlier question that it is time to put again, or None."""

@@ -177,6 +177,15 @@ class Conduct:
         return alike >= LEAST_CHECKS + _MORE_ALIKE * self.differed
 
     @property
+    def checks_left(self) -> int:
+        """The fewest checks that must still come before the end, if there is enough to repeat."""
+        if self.passed or self.like_chance:
+            return 0
+        alike = self.checks - self.differed
+        needed = LEAST_CHECKS + _MORE_ALIKE * self.differed - alike
+        return max(0, min(needed, MOST_CHECKS - self.checks))
+
+    @property
     def unresolved(self) -> bool:
         """True if some check was answered otherwise, and more checks would tell what it means."""
         may = self.checks < MOST_CHECKS and not self.like_chance
@@ -328,18 +337,26 @@ class Repeats:
 
         It is never the last one, which the person remembers.
         """
-        again = {entry.metadata[REPEATS] for entry in repeats_in(self._log)}
-        may = [
-            said.query
-            for said in first[:-1]
-            if said.verdict is not None
-            and said.query.id not in again
-            and not said.query.id.startswith((ORDER, SETTLED))
-        ]
+        may = self._repeatable(first[:-1])
         if not may:
             return None
         query = may[which % len(may)]
         return replace(query, id=f"{query.id}{AGAIN}")
+
+    def left(self) -> int:
+        """Return how many of the answered questions, the last one among them, may be put again."""
+        return len(self._repeatable([e.answer for e in self._log.standing if not e.repeat]))
+
+    def _repeatable(self, said: Sequence[Answer]) -> list[Query]:
+        """Return the queries among answers that may be put again."""
+        again = {entry.metadata[REPEATS] for entry in repeats_in(self._log)}
+        return [
+            one.query
+            for one in said
+            if one.verdict is not None
+            and one.query.id not in again
+            and not one.query.id.startswith((ORDER, SETTLED))
+        ]
 
     @staticmethod
     def names(id: str) -> bool:

@@ -92,3 +92,22 @@ def test_where_another_question_comes_after_one_was_taken_back_it_is_said() -> N
 
 def answered(interview: Interview, screen: Any, choice: str) -> Any:
     return interview.handle({"do": "answer", "id": screen["question"]["id"], "choice": choice})
+
+
+def test_at_the_end_the_checks_left_are_counted() -> None:
+    """Once no other question is left, the number to come is that of the checks that are needed."""
+    with (
+        Session(lambda known: Listed(QUESTIONS[:3], known), AnswerLog()) as session,
+        Interview(session, Subject(LABELS)) as interview,
+    ):
+        screen, ranges = interview.handle({"do": "practised", "choice": "a"}), []
+        while screen["stage"] == "question":
+            id = screen["question"]["id"]
+            reply = interview.handle({"do": "outlook", "id": id})
+            ranges.append((reply["at_least"], reply["to_come"], session.next_told() is None))
+            screen = answered(interview, screen, choice(session, 0.65))
+    left = range(len(ranges) - 1, -1, -1)
+    assert all(least <= n for (least, _, _), n in zip(ranges, left, strict=True))
+    at_end = [(n, found) for (_, found, over), n in zip(ranges, left, strict=True) if over]
+    assert len(at_end) > 2
+    assert [found for n, found in at_end[2:]] == [[n, n] for n, _ in at_end[2:]]
