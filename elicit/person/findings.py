@@ -25,8 +25,8 @@ NOT_KNOWN = (
 )
 """The sentence that goes with a level whose best guess is not shown."""
 NOT_NEEDED = (
-    "The result does not depend on what is not known yet. “Ask me more” learns these levels too, "
-    "most often with a few answers."
+    "The result does not depend on what is not known yet. More questions would show what these "
+    "levels are worth too."
 )
 """The sentence that goes with such levels where the result is settled."""
 OVERLAP = (

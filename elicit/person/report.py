@@ -35,7 +35,7 @@ caption { text-align: left; color: var(--soft); padding-bottom: .4rem; }
 th, td { box-sizing: border-box; text-align: left; vertical-align: top; font-weight: 400; padding: .3rem .6rem;
   border-top: 1px solid var(--line); }
 thead th, thead td { font-size: .85rem; color: var(--soft); border-top: 0; vertical-align: bottom; }
-.number { text-align: right; } .guess { width: 12%; } .range { width: 16%; } .drawn { width: 48%; padding: 0 1.2rem; }
+.number { text-align: right; } .guess { width: 20%; } .range { width: 15%; } .drawn { width: 43%; padding: 0 1.2rem; }
 .scale tbody * { vertical-align: middle; } .nr { width: 3.2rem; overflow-wrap: normal; } .when { width: 11.2rem; } .remarks { width: 28%; }
 .levels th { width: 34%; }
 svg { display: block; width: 100%; overflow: visible; }
@@ -70,6 +70,7 @@ summary { cursor: pointer; color: var(--link); padding: .3rem 0; } details > tab
   body { margin: 0; max-width: none; font-size: 9.5pt; line-height: 1.35; } thead { display: table-header-group; }
   h1 { font-size: 15pt; } h2 { font-size: 11.5pt; margin: 1rem 0 .3rem; } .headline { font-size: 12.5pt; }
   table { font-size: 8pt; } .scale { font-size: 9.5pt; } th, td { padding: .12rem .4rem; } .shown { font-size: 7.5pt; }
+  thead th, thead td, dl { font-size: 8pt; } .when { width: 6.5rem; } .nr { width: 2rem; } .remarks { width: 22%; }
   svg { height: 24px; } thead svg { height: 18px; }
   tr, .conflict, h2 { break-inside: avoid; } h2 { break-after: avoid; }
   .long, .cut tbody tr:nth-child(n+41) { display: none; } .printed { display: block; font-style: italic; }
