@@ -193,7 +193,8 @@ class Beside(Closing):
         self._conduct = Conduct.of(())  # before this question
         self._left = QuestionsLeft()
         self._stated = Stated()
-        self._levels_left: tuple[int, int] | None = None  # after "ask me more", this one included
+        # questions about levels, this one included, after "ask me more" or until it is enough
+        self._levels_left: tuple[int, int] | None = None
         self._no_others = False  # but those that are needed
         self._needed = (0, 0)  # answers and checks that must still come after this question
 
@@ -301,8 +302,10 @@ class Beside(Closing):
         self._conduct, self._needed, self._no_others = conduct, needed, no_others
         session, subject, now = self._session, self._subject, self._beside
         asker = session.current_asker()
+        enough, more = subject.enough, self._chosen.more
+        asks_on = bool(subject.least) and enough is not None and not enough(session.result())
         self._levels_left = None
-        if self._chosen.more and isinstance(asker, Compares):
+        if (more or asks_on) and isinstance(asker, Compares):
             self._levels_left = questions_left(asker.comparator)
         if now is not None and now.shown == shown.id and now.asker is asker:
             return
@@ -412,7 +415,8 @@ class Beside(Closing):
         """Return the range of questions to come that is shown, or None if nothing is known.
 
         ``played`` is that of sessions that were played from here on. Without it, it is the
-        welcome's forecast. Whoever asked for more is asked about levels until all are known.
+        welcome's forecast. Whoever asked for more is asked about levels until all are known, and
+        where the result must be sure enough, until it is, which mostly takes fewer.
         """
         put, least = self._conduct.put, sum(self._needed)
         if self._no_others:
@@ -423,9 +427,11 @@ class Beside(Closing):
                 return None
             fewest, most = (self._with_checks(max(0, n - 1)) for n in self._levels_left)
             found = fewest, most
-        elif played is not None:
-            fewest, most = (self._with_checks(max(self._needed[0], n)) for n in played)
-            found = fewest, most
+        elif played is not None or self._levels_left is not None:
+            further = 0 if self._levels_left is None else self._levels_left[0]
+            fewest, most = (0, 0) if played is None else played
+            both = max(self._needed[0], fewest), max(self._needed[0], most + further)
+            found = self._with_checks(both[0]), self._with_checks(both[1])
         elif self._prospects is not None and (lengths := self._prospects.lengths()) is not None:
             fewest, most = (length - put - 1 for length in lengths)
             found = (max(0, fewest), most) if most >= max(1, least) else None

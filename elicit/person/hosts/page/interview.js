@@ -320,7 +320,7 @@ export function mount(root, send, options = {}) {
     who.value = known;
     who.disabled = Boolean(known); // the log is this person's
     const choices = budgets.map((one) => [`${one.minutes}`, `${one.minutes} minutes`, `about ${one.questions} questions`]);
-    choices.push(["", "Until the result is settled", "stop at any time"]);
+    choices.push(["", "Until the result is settled", "stop any time"]);
     const radios = choices.map(([value, words, label], i) => {
       const input = part("input", "", { type: "radio", name: "elicit-budget", value });
       input.checked = i === choices.length - 1;
