@@ -117,7 +117,7 @@ def test_most_who_answer_by_chance_get_an_end_that_says_so() -> None:
         # who passes all checks by chance cannot be told from one who means it
         assert end["by_chance"].startswith(("Someone who guesses is ", "With the order "))
         if end["caution"] is None and end["settled"]:
-            cases = int(end["by_chance"].split(" of ")[1].split()[0])
+            cases = int(re.search(r"in 1 of (\d+) interviews", end["by_chance"])[1])
             assert cases >= 25
     assert said >= 0.85 * len(seeds)
 
