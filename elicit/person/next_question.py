@@ -13,7 +13,7 @@ from typing import Any
 from elicit.model.query import Query
 from elicit.person.asker import Compares
 from elicit.person.course.choices import Choices
-from elicit.person.course.conduct import ORDER, Conduct
+from elicit.person.course.conduct import IN_CONFLICT, ORDER, Conduct
 from elicit.person.course.level_questions import known_question, level_question, order_question
 from elicit.person.course.start import Before, Start
 from elicit.person.findings import asked_levels
@@ -114,7 +114,12 @@ class NextQuestion:
     def _order_check(self, k: int) -> Query | None:
         """Return the question about two neighbouring levels that is due, or None."""
         conduct = self._session.conduct()
-        n = sum(entry.answer.query.id.startswith(ORDER) for entry in self._session.log.standing)
+        # one that was taken back as a contradiction has been answered: it is a failed check
+        n = sum(
+            entry.answer.query.id.startswith(ORDER)
+            and (entry.stands or IN_CONFLICT in (entry.retraction or {}))
+            for entry in self._session.log
+        )
         due = (conduct.answered >= _ORDER_AFTER) + (conduct.differed > 0)
         if not self._session.audits or k < 3 or n >= due:
             return None
