@@ -430,7 +430,7 @@ class Beside(Closing):
         elif played is not None or self._levels_left is not None:
             further = 0 if self._levels_left is None else self._levels_left[0]
             fewest, most = (0, 0) if played is None else played
-            both = max(self._needed[0], fewest), max(self._needed[0], most + further)
+            both = max(self._needed[0], fewest), max(self._needed[0], most) + further
             found = self._with_checks(both[0]), self._with_checks(both[1])
         elif self._prospects is not None and (lengths := self._prospects.lengths()) is not None:
             fewest, most = (length - put - 1 for length in lengths)

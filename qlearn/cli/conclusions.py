@@ -100,7 +100,7 @@ def policy_conclusion(
         before=unasked,
         changes=_changes(told, mdp, action_words, result, differing),
         plan=_plan(told, mdp, action_words, result, differing),
-        result=_whole_policy(mdp, action_words, result, differing),
+        result=_whole_policy(told, mdp, action_words, result, differing),
         settled=settled,
         early=f"So far, compared with your ideal plan, your plan loses at most {most}. Your "
         "answers are not checked yet.",
@@ -255,22 +255,28 @@ def _plan(
 
 
 def _whole_policy(
-    mdp: OrdinalMDP, action_words: Callable[[int], str], result: Result, differing: _Differing
+    told: InWords,
+    mdp: OrdinalMDP,
+    action_words: Callable[[int], str],
+    result: Result,
+    differing: _Differing,
 ) -> ResultTable:
     """Return the action in every state that is not terminal, as a table to download."""
     equal, states, holds = differing
     change = dict(zip(states.tolist(), holds.tolist(), strict=True))
-    words = {True: "certain", False: "open", None: "none"}
+    words, why = {True: "certain", False: "open", None: "none"}, _reasons(told, result, differing)
     rows = tuple(
         (
             mdp.state_name(s),
             action_words(int(result.policy[s])),
             action_words(int(equal[s])),
             words[change.get(s)],
+            why.get(s, ""),
         )
         for s in np.flatnonzero(~mdp.terminal).tolist()
     )
-    return ResultTable("Plan", ("state", "action", "action_with_equal_steps", "change"), rows)
+    columns = ("state", "action", "action_with_equal_steps", "change", "why")
+    return ResultTable("Plan", columns, rows)
 
 
 def icu_state(name: str) -> str:
@@ -331,8 +337,9 @@ def choice_conclusion(
     if settled:
         near = result.status is Status.CALLED_EQUAL and result.loss_bound > 0
         equal = ", or as good as any" if near else ""
-        headline = f"By your answers “{result.name}” is best{equal}. {no_better}"
+        headline = f"By your answers “{result.name}” is best{equal}."
         headline = f"{headline} {_nearly_as_good(names, shares, result)}".strip()
+        sure = f"{no_better} {sure}"
         after = "You can stop here."
         more = "More answers would make it surer." if result.loss_bound > 0 else ""
     else:

@@ -100,7 +100,7 @@ def answer_row(
         "sentence": sentence,
         "seconds": entry.metadata.get("latency"),
         "used": use_of(entry, in_conflict),
-        "withdrawn": entry.retracted,
+        "taken_back": entry.retracted,
         "repeat": entry.repeat,
         "id": entry.answer.query.id,
     }

@@ -105,5 +105,6 @@ def test_an_alternative_that_is_nearly_as_good_is_named(second: list[float], sai
     names = ["first", "other", "third"]
     result = choose(shares, PolytopeComparator(3), names=names).result()
     told = InWords(("bad", "middle", "good"), Words(), 0.01)
-    headline = choice_conclusion(told, names, shares, result, None).headline
-    assert headline == f"By your answers “first” is best. No other alternative is better.{said}"
+    found = choice_conclusion(told, names, shares, result, None)
+    assert found.headline == f"By your answers “first” is best.{said}"
+    assert found.sure.startswith("No other alternative is better. This holds ")
