@@ -24,7 +24,16 @@ from elicit.person.next_question import NextQuestion
 from elicit.person.outlook import Prospect
 from elicit.person.report import ReportDetails, report_page
 from elicit.person.session import Session
-from elicit.person.showing import Shown, Subject, drawn, legend_of, printable, said_of, shown_of
+from elicit.person.showing import (
+    Shown,
+    Subject,
+    about_questions,
+    drawn,
+    legend_of,
+    printable,
+    said_of,
+    shown_of,
+)
 from elicit.tutors.answer_log import Entry
 
 MINUTES = (5, 10, 20)
@@ -239,7 +248,7 @@ class Drawing:
                 who=printable(self._session.who or "not named"),
                 log=None if log.path is None else printable(log.path.name),
                 checksum=log.checksum,
-                preamble=printable(self._subject.words.preamble),
+                preamble=about_questions(self._subject.words),
                 legend=legend_of(self._subject),
                 facts={**facts, "Version": f"elicit-qlearn {version()}"},
                 limits=self._limits(),

@@ -20,13 +20,13 @@ _WIDE = 20.0
 _MOST_OF_ROOM = 1 / 3  # share of the room between the neighbours that a wider range may cover
 
 NOT_KNOWN = (
-    "A dashed bar is a level that is not known yet: its range is wider than 20 and covers more "
-    "than a third of the room between its neighbours, or no answer is about it."
+    "A dashed bar is a level that is not known yet: its range is still too wide for a best guess, "
+    "or no answer is about it."
 )
 """The sentence that goes with a level whose best guess is not shown."""
 NOT_NEEDED = (
-    "The result does not depend on what is not known yet. More questions would show what these "
-    "levels are worth too."
+    "What is not known yet matters too little to this result to ask more. More questions would "
+    "show what these levels are worth too."
 )
 """The sentence that goes with such levels where the result is settled."""
 OVERLAP = (

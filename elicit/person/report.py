@@ -95,7 +95,7 @@ class ReportDetails:
     log, checksum : str, optional
         The name of the file of the answers, and the end of its last line.
     preamble : str
-        Text shown before the questions.
+        What every question asked, and the text before the first one.
     legend : mapping, optional
         The meaning of the levels, as in the screens of ``Interview``.
     facts : mapping, optional

@@ -459,6 +459,12 @@ def drawn(shown: Shown, number: int) -> dict[str, Any]:
     }
 
 
+def about_questions(words: Words) -> str:
+    """Return what every question asked, and the text that stood before the first one."""
+    asked = f"Each question showed two {words.side}s of {words.unit}: {words.question}"
+    return printable(f"{asked} {words.preamble}".strip())
+
+
 def legend_of(subject: Subject) -> dict[str, Any]:
     """Return what the levels mean, best first, and how long they last."""
     words, labels = subject.words, subject.labels

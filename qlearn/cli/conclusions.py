@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -94,7 +95,7 @@ def policy_conclusion(
     differing = _differing(mdp, result)
     return Conclusion(
         headline=headline,
-        sure=f"{_sure(result)} {_COMPARES}",
+        sure=f"{_ideal(told)} {_sure(result)} {_COMPARES}",
         next=after,
         more=more,
         before=unasked,
@@ -228,7 +229,7 @@ def _plan(
     result: Result,
     differing: _Differing,
 ) -> ResultTable:
-    """Return what to do in every state that is not terminal, in words, for the screen."""
+    """Return the action in every state that is not terminal, in words, for the screen."""
     _, states, holds = differing
     change = dict(zip(states.tolist(), holds.tolist(), strict=True))
     sure = (
@@ -247,7 +248,7 @@ def _plan(
     )
     return ResultTable(
         "The whole plan",
-        ("State", "What to do", "By your answers"),
+        ("State", "Action in the plan", "By your answers"),
         rows,
         "“Changed” means other than with equal steps between the levels. “Certain” means that this "
         f"action is better than that one {sure}.",
@@ -284,11 +285,11 @@ def icu_state(name: str) -> str:
 
     Examples
     --------
-    >>> icu_state("12 (mean SOFA 7.3)")
+    >>> icu_state("12 (mean SOFA 6.5)")
     'State 12, SOFA score about 7'
     """
     number, _, score = name.removesuffix(")").partition(" (mean SOFA ")
-    return f"State {number}, SOFA score about {float(score):.0f}" if score else name
+    return f"State {number}, SOFA score about {math.floor(float(score) + 0.5)}" if score else name
 
 
 def icu_dose(action: int) -> str:
@@ -313,6 +314,14 @@ def policy_stakes(told: InWords, result: Result) -> str | None:
     )
 
 
+def _ideal(told: InWords) -> str:
+    """Return a sentence on what a policy is compared with, and on when questions end."""
+    return (
+        "The ideal plan is the one for your exact values. Questions end once yours is within "
+        f"{per_hundred(told.tolerance)} of it."
+    )
+
+
 def _sure(result: Result | Choice) -> str:
     """Return a sentence on how certain a bound is."""
     if result.confidence == 1.0:
@@ -331,15 +340,18 @@ def choice_conclusion(
     """
     most, sure, best = told.loss(result.loss_bound), _sure(result), printable(result.name)
     settled = choice_holds(told, result)
-    no_better = "No other alternative is better."
-    if result.loss_bound > 0:
-        no_better = f"Compared with any other alternative, it loses at most {most}."
     if settled:
         near = result.status is Status.CALLED_EQUAL and result.loss_bound > 0
         equal = ", or as good as any" if near else ""
         headline = f"By your answers “{result.name}” is best{equal}."
         headline = f"{headline} {_nearly_as_good(names, shares, result)}".strip()
-        sure = f"{no_better} {sure}"
+        no_better = "no other alternative is better"
+        if result.loss_bound > 0:
+            no_better = f"compared with any other alternative, it loses at most {most}"
+        if 0.0 < result.confidence < 1.0:
+            sure = f"With {result.confidence:.0%} probability {no_better}."
+        else:
+            sure = f"{no_better[0].upper()}{no_better[1:]}. {sure}"
         after = "You can stop here."
         more = "More answers would make it surer." if result.loss_bound > 0 else ""
     else:
@@ -370,7 +382,7 @@ def choice_conclusion(
 
 
 def _nearly_as_good(names: Sequence[str], shares: Floats, result: Choice) -> str:
-    """Return a sentence that names what is worth nearly as much as the choice, or ""."""
+    """Return sentences that name what is worth nearly as much as the choice, or ""."""
     points = _points(shares, result)
     best = list(names).index(result.name)
     close = np.flatnonzero(points >= points[best] - _NEARLY)
@@ -381,7 +393,23 @@ def _nearly_as_good(names: Sequence[str], shares: Floats, result: Choice) -> str
     more = len(near) - len(some)
     said = ", ".join(some) + (f" and {more} more" if more else "")
     verb = "is" if len(near) == 1 else "are"
-    return f"Nearly as good {verb} {said}, beside {100 * points[best]:.0f} for the best."
+    told_equal = _directions(result.answers.d[result.answers.y == 0])
+    apart = _directions(shares[best] - shares)
+    called = [f"“{printable(names[i])}”" for i in near if _among(apart[i], told_equal)]
+    equal = f" You called it and {' and '.join(called)} equally good." if called else ""
+    return f"Nearly as good {verb} {said}, beside {100 * points[best]:.0f} for the best.{equal}"
+
+
+def _directions(d: Floats) -> Floats:
+    """Return tail sums (n, k-1) of differences d (n, k), each divided by its largest number."""
+    t = tail_sums(d)
+    return t / np.maximum(np.abs(t).max(axis=1, keepdims=True), 1e-300)
+
+
+def _among(direction: Floats, others: Floats) -> bool:
+    """Return whether a direction (k-1,) or its opposite is among others (n, k-1)."""
+    apart = [np.abs(others - way * direction).max(axis=1, initial=0.0) for way in (1, -1)]
+    return bool((np.minimum(*apart) < 1e-6).any())
 
 
 def _points(shares: Floats, result: Choice) -> Floats:
@@ -417,13 +445,16 @@ def _worth(told: InWords, names: Sequence[str], shares: Floats, result: Choice) 
         )
         for i in order
     )
+    unknown = (
+        "" if narrow.all() else " The worth is not known yet where the range is wider than 50."
+    )
     return ResultTable(
         f"The {len(names)} alternatives",
         ("Alternative", *map(printable, labels[::-1]), "worth", "range"),
         rows,
         f"In 100 {printable(told.words.unit)} of each. Worth is from 0, if all were "
         f"“{printable(labels[0])}”, to 100, if all were “{printable(labels[-1])}”: the best guess, "
-        "and its range. A worth whose range covers more than half of that is not known yet.",
+        f"and its range.{unknown}",
         "alternative",
     )
 

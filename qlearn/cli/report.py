@@ -167,7 +167,7 @@ def _write(
     from elicit._support.distribution import version
     from elicit.person.course.files import as_csv, as_json
     from elicit.person.report import ReportDetails
-    from elicit.person.showing import legend_of, printable
+    from elicit.person.showing import about_questions, legend_of, printable
     from elicit.person.study.report import study_page
     from elicit.person.study.study import agreed_so_far
 
@@ -199,7 +199,7 @@ def _write(
         agreed,
         following,
         ReportDetails(
-            preamble=printable(subject.words.preamble),
+            preamble=about_questions(subject.words),
             legend=legend_of(subject),
             facts={
                 **dict(subject.facts.of),

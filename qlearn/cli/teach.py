@@ -263,6 +263,7 @@ def run(
         plan = StudyPlan(paths, headers, audit, seed, shlex.join(again), shlex.join(report))
 
         def taught_now() -> Taught:
+            _compile(comparator)
             return taught_by(problem, comparator, days, unit, seed, tolerance, like)
 
         return run_study(plan, taught_now, how["host"], how["port"], how["let_others_in"])
@@ -291,6 +292,7 @@ def run(
             kept = stack.enter_context(AnswerLog(path, len(taught.subject.labels), header, who))
 
             def session_now() -> Session:
+                _compile(comparator)
                 made = Session(taught.make, kept, who=who, audit=audit, seed=seed)
                 session = stack.enter_context(made)
                 if questions is not None:
@@ -308,6 +310,17 @@ def run(
         except KeyboardInterrupt:
             return 130
         return Terminal(session, taught.subject, shlex.join(again), questions).converse()
+
+
+def _compile(comparator: str) -> None:
+    """Compile now what the answers will need, so that nobody waits for it between two questions.
+
+    It takes a second if the machine code is there already.
+    """
+    from qlearn.experiments.compile_ahead import parts
+
+    for part in parts([{"comparator": comparator, "learner": "policy-iteration"}]):
+        part()
 
 
 def _say_plan(taught: Taught, session: Session, questions: int) -> None:

@@ -260,7 +260,7 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
         "ICU-Sepsis",
         preamble,
         "which is better off?",
-        duration="Each patient stays in the condition shown for 30 days.",
+        duration="Each patient stays in the condition shown for 30 days. Compare these days only.",
         levels=(
             "Died in hospital",
             "In intensive care, the worst quarter: SOFA score about 9 or more",

@@ -54,7 +54,7 @@ class Conclusion:
     changes
         What the answers change, as far as it holds for every plausible scale.
     plan
-        What to do in every state, as a table.
+        The action in every state, as a table.
     result
         The result as a table to download. Its title is the one name that screens and files give
         it, such as "Plan".

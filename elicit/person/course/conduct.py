@@ -202,8 +202,8 @@ class Conduct:
         if self.checks > self.repeated:
             alike = self.checks - self.differed
             order = (
-                f"With the order of the levels, {alike} of {self.checks} checks were answered as "
-                "expected. "
+                f"With the one against the order of the levels, {alike} of {self.checks} checks "
+                "were answered as expected. "
             )
         half = f"{order}Someone who guesses is right in half of the checks"
         if cases < 2:

@@ -450,7 +450,7 @@ export function mount(root, send, options = {}) {
     });
     const grid = part("div", said.length === 1 ? "" : "columns even", {}, cards);
     const parts = [part("p", "soft", {}, [text]), grid, part("div", "mid options", {}, buttons)];
-    parts.push(part("p", "soft small", {}, ["Nothing is deleted. What you keep now can be taken back under “Your answers”."]));
+    parts.push(part("p", "soft small", {}, ["An answer that you do not keep stays in the log, but no longer counts. What you keep can still be taken back later."]));
     return [{ heading: [heading], name: "Please check", more: "" }, ...parts];
   }
 
@@ -550,7 +550,7 @@ export function mount(root, send, options = {}) {
     return section(title, made);
   }
 
-  // What to do everywhere, whether the answers change it, and whether that is certain.
+  // The plan everywhere, whether the answers change it, and whether that is certain.
   function whole({ title, note: remark, columns, rows, of }) {
     const kinds = [...new Set(rows.map((row) => row.at(-1)))];
     return section(title, [
@@ -728,7 +728,7 @@ const RESULT = { words: "Working out your result ...", after: 50 };
 const PREPARING = "This takes a few seconds. The first start on a computer compiles, which takes up to two minutes.";
 const TRY = "Practice question: your answer is not saved.";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
-const UNFORESEEN = "How far each of these gets cannot be foreseen here. You will see it as you go.";
+const UNFORESEEN = "How many questions each of these takes cannot be foreseen here. You will see it as you go.";
 const GIVEN = "It was given when the program was started.";
 const MENDS = "Taking back any one of them fixes it. The others stay.";
 const SURE = { yes: "Yes, take it back", no: "No, keep it" };
