@@ -14,6 +14,7 @@ from scipy.special import expit
 
 from elicit._support.hashing import Seed, fold, key_of, name_code, uniform
 from elicit._support.seeds import seed_of
+from elicit.comparators.bradley_terry.density import EQUAL_LAPSES
 from elicit.model.difference import tail_sums
 from elicit.model.difference_kernel import pair_code, way_round
 from elicit.model.query import Answer, Query, Verdict
@@ -64,7 +65,8 @@ class PersonTutor:
     sigma(precision d.e / spread + side - width), "right" with sigma(-precision d.e / spread - side
     - width), and EQUAL otherwise. The spread is the root of the two bags' mean variance of value,
     so that clear cases are answered well and close or complex ones badly. With probability
-    ``lapse`` any answer comes that this person gives at all.
+    ``lapse`` the person says "left" or "right", equally often. A person with a width says EQUAL
+    instead in a share ``EQUAL_LAPSES`` of these lapses.
 
     The errors depend on the seed, the unordered pair, and how often it was asked before.
 
@@ -150,7 +152,7 @@ class PersonTutor:
         means = float((left @ self._e) ** 2 + (right @ self._e) ** 2) / 2
         spread = max(float(np.sqrt(max(0.0, squares - means))), _LEAST_SPREAD)
         logit = self.precision * float((left - right) @ self._e) / spread + self.side
-        any_answer = self.lapse / (3.0 if self.width else 2.0)
+        any_answer = 0.5 * self.lapse * (1.0 - EQUAL_LAPSES if self.width else 1.0)
         yes = any_answer + (1.0 - self.lapse) * float(expit(logit - self.width))
         no = any_answer + (1.0 - self.lapse) * float(expit(-logit - self.width))
         return yes, no, max(0.0, 1.0 - yes - no) if self.width else 0.0
