@@ -158,8 +158,7 @@ class LeastSquares:
 
     @property
     def shape(self) -> Floats:
-        """Return the inverse (q, q) of the triangular factor, rows in the order of the matrix's
-        columns.
+        """The inverse (q, q) of the triangular factor, rows in the order of the matrix columns.
 
         Its product with its own transpose is the inverse of ``matrix.T @ matrix``.
         """

@@ -43,9 +43,7 @@ class _OneThread(ContextDecorator):
 
     @cached_property
     def _libraries(self) -> tuple[list[LibController], list[LibController]]:
-        """Return BLAS libraries with a limit for each thread, and those with one limit for the
-        process.
-        """
+        """BLAS libraries with a limit for each thread, and those with one limit for the process."""
         own, shared = list[LibController](), list[LibController]()
         for library in ThreadpoolController().select(user_api="blas").lib_controllers:
             by_openmp = (

@@ -1,4 +1,4 @@
-"""A pair to ask about, and its records as a pending query, as an answered one, and as an audit."""
+"""A pair to ask about, and the records of it when pending, answered or audited."""
 
 from collections.abc import Hashable
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ a log keeps it. Another is the same sentence with left and right exchanged."""
 
 
 class Pair(NamedTuple):
-    """Two vectors (k,) to ask about, in words for people, and where they are compared.
+    """Two vectors (k,) to ask about, a text for people, and the place where they are compared.
 
-    With a ``tier`` other than TUTOR it is an audit, of a pair that the answers decided by that
-    tier. ``who`` is the person to ask. If it is None, the comparator chooses one of several.
+    A ``tier`` other than TUTOR marks an audit: the answers had decided the pair by that tier.
+    ``who`` is the person to ask. If it is None, a comparator of several people chooses one.
     """
 
     left: Floats
@@ -31,7 +31,7 @@ class Pair(NamedTuple):
 
 
 class Pending(NamedTuple):
-    """A query, its pair, and for an audit the verdict that the answers imply."""
+    """A pending query, its pair, and for an audit the verdict that the answers imply."""
 
     query: Query
     pair: Pair
@@ -39,7 +39,7 @@ class Pending(NamedTuple):
 
 
 class AnsweredQuery(NamedTuple):
-    """A query that was answered, and the verdict to act on."""
+    """An answered query, and the verdict to act on."""
 
     pending: Pending
     verdict: Verdict
@@ -47,7 +47,7 @@ class AnsweredQuery(NamedTuple):
 
 @dataclass(frozen=True)
 class Audit:
-    """A comparison that the answers had decided, put to the tutor all the same."""
+    """A comparison that the answers had decided, put to the tutor all the same to find errors."""
 
     query: Query
     expected: Verdict
