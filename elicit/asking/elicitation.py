@@ -506,10 +506,10 @@ class Elicitation:
         return self.puts_off or self.spent
 
     def may_ask(self, d: Floats, places: Callable[[int], Place]) -> NDArray[np.bool_]:
-        """Return flags (n,): which of the differences d (n, k) may be asked about.
+        """Return flags (n,): which of the differences d (n, k) may be put to the tutor.
 
-        A difference may not be asked if it was answered, or compared at a place where the tutor
-        could not tell.
+        Not allowed are differences that were answered, and those at a place where the tutor could
+        not tell.
         """
         new: NDArray[np.bool_] = self._answered.said(tail_sums(d)) == Verdict.UNKNOWN
         if self._unclear:

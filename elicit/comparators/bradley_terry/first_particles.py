@@ -47,8 +47,8 @@ def prior_law(
 ) -> ParticlePrior:
     """Return the prior's density, for a tutor who calls nothing equal.
 
-    Its mixture over shapes is computed by Gauss and Legendre's rule in log a. A precision or lapse
-    of None is to be learned.
+    The integral over Dirichlet shapes a is computed by Gauss-Legendre quadrature in log a. A
+    precision or lapse of None is to be learned.
     """
     p, (low, high) = k - 1, shape
     nodes, mass = np.polynomial.legendre.leggauss(1 if low == high else _NODES)
@@ -83,10 +83,10 @@ def first_particles(
     inequalities: Prior | None,
     like: EarlierPeople | None,
 ) -> Floats:
-    """Return particles (m, >= p) from a prior.
+    """Return particles (m, >= p) drawn from a prior.
 
     The first p columns are the logs of gaps times precision. A learned lapse and a learned width of
-    EQUAL have a column each, as logits.
+    EQUAL have a further column each, as logits.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def first_particles(
     prior : ParticlePrior
     inequalities : Prior, optional
     like : EarlierPeople, optional
-        Scales, precisions and lapses of some of the particles are drawn from theirs.
+        Some of the particles are drawn from the kinds of earlier people.
 
     Raises
     ------
@@ -132,7 +132,7 @@ def first_particles(
 
 
 def _within(x: Floats, key: int, prior: ParticlePrior, inequalities: Prior) -> Floats:
-    """Return particles of a prior, moved to where its inequalities hold.
+    """Return particles x of a prior, moved to where its inequalities hold.
 
     They move through nested sets, each of which holds half of the particles of the one before
     (subset simulation, Au and Beck 2001). Raise ValueError if no scale satisfies the inequalities,
