@@ -501,8 +501,7 @@ class Elicitation:
 
     @property
     def guesses(self) -> bool:
-        """True if undecided pairs follow the comparator's best guess, because no question is left.
-        """
+        """True if undecided pairs follow the best guess at the scale, for want of questions."""
         return self.puts_off or self.spent
 
     def may_ask(self, d: Floats, places: Callable[[int], Place]) -> NDArray[np.bool_]:

@@ -123,7 +123,7 @@ class OpenOrderPosterior:
 
     @property
     def order_probabilities(self) -> Floats:
-        """The probabilities (2,) of the given order, and of the two levels exchanged."""
+        """The probabilities (2,) of the given order, and of that with both levels exchanged."""
         weights = np.exp(self._log_weights - self._log_weights.max())
         return np.asarray(weights / weights.sum())
 
