@@ -1,8 +1,8 @@
-"""The primal simplex method over K_t, in floats, whose results are proofs or nothing.
+"""The primal simplex method over K_t in floats, with results that are proven.
 
-It walks from vertex to vertex and updates the vertices' inverses at each pivot. Its results are
-certain nevertheless. A point counts only if it is inside K_t by more than any rounding. Multipliers
-count only by a bound that holds for any multipliers.
+It walks from vertex to vertex, and updates the inverse of the active constraints at each pivot.
+Rounding cannot make a result wrong. A point counts only if it is inside K_t by more than any
+rounding. Multipliers count only by a bound that holds for any multipliers.
 """
 
 import math
@@ -32,8 +32,8 @@ NEARLY = 1e-12  # multipliers this far below zero are set to zero, which keeps t
 class Known(NamedTuple):
     """Facts about K_t = {g >= margin, sum g = 1, rows g >= limits}, as plain arrays.
 
-    There are p gaps and m rows. The vertices' arrays and the counters change as walks find new
-    vertices.
+    There are p gaps and m rows. The arrays about vertices, and the counters, change as walks find
+    new vertices.
     """
 
     margin: float
@@ -54,7 +54,7 @@ class Known(NamedTuple):
 
 
 def nothing_known(margin: float, rows: Floats, limits: Floats, vertices: int) -> Known:
-    """Return the definition of K_t, rows (m, p) and limits (m,), with room for vertices."""
+    """Return K_t, with rows (m, p) and limits (m,), as facts with empty places for vertices."""
     p = rows.shape[1]
     return Known(
         margin=margin,
@@ -78,11 +78,11 @@ def nothing_known(margin: float, rows: Floats, limits: Floats, vertices: int) ->
 def walk(s: Any, start: int, known: Known, out: Any, target: float) -> int:
     """Return 1 if s.g > target is proven on K_t, -1 if a point of K_t shows s.g < 0, else 0.
 
-    The walk goes from vertex ``start`` along edges that lessen s.g. Each is the steepest, by
-    Harris's ratio test. The vertex where the walk ends is kept.
+    The walk goes from vertex ``start`` along edges on which s.g falls. Each is the steepest, and
+    ends by Harris's ratio test. The vertex where the walk ends is stored.
 
-    ``out`` (m,), if it is not empty, marks rows that K_t is taken to lack. Then -1 says that some
-    vertex seems to have s.g < target. It proves nothing, and no vertex is kept.
+    If ``out`` (m,) is not empty, it marks rows to be ignored. Then -1 means that some vertex seems
+    to have s.g < target. That proves nothing, and no vertex is stored.
     """
     p, m = len(s), len(known.limits)
     inverse, active = (
@@ -135,7 +135,7 @@ def walk(s: Any, start: int, known: Known, out: Any, target: float) -> int:
 
 @compiled
 def redundant(known: Known) -> Any:
-    """Return flags (m,) of the rows of K_t that follow from the other rows, the latest first."""
+    """Return flags (m,) of the rows of K_t that follow from the others; latest rows go first."""
     p, m = known.cuts.shape
     out = np.zeros(m, dtype=np.bool_)
     for i in range(m - 1, -1, -1):
@@ -156,9 +156,9 @@ def redundant(known: Known) -> Any:
 
 @compiled
 def keep(s: Any, g: Any, slack: Any, inverse: Any, active: Any, age: int, known: Known) -> bool:
-    """Store a vertex and a point beside it that is certainly in K_t.
+    """Store a vertex, and a point beside it that is certainly in K_t.
 
-    Return whether the point is certain and s.g < 0 there.
+    Return whether that point was found, and s.g < 0 there.
     """
     p = len(g)
     point = np.empty(p)
@@ -185,7 +185,7 @@ def keep(s: Any, g: Any, slack: Any, inverse: Any, active: Any, age: int, known:
 
 @compiled
 def next_slot(known: Known) -> int:
-    """Return the place of the next vertex: the oldest makes room."""
+    """Return the place for the next vertex: that of the oldest if all are taken."""
     q: int = known.counts[SLOT]
     known.kind[q] = (
         DOUBTFUL_VERTEX  # until it is complete, lest an interruption leave a false point
@@ -210,7 +210,7 @@ def vertex_of(inverse: Any, active: Any, known: Known, g: Any) -> None:
 
 @compiled
 def rates_of(inverse: Any, column: int, known: Known, rate: Any) -> None:
-    """Write into ``rate`` (p + m,) how fast each slack grows along an edge of the inverse."""
+    """Write into ``rate`` (p + m,) how fast each slack grows along the edge of this column."""
     p, m = inverse.shape[0], len(known.limits)
     for j in range(p):
         rate[j] = inverse[j, column]
@@ -227,9 +227,9 @@ def rates_of(inverse: Any, column: int, known: Known, rate: Any) -> None:
 def multipliers(s: Any, inverses: Any, q: int, y: Any) -> int:
     """Write the multipliers of the objective s at vertex q into y (p,).
 
-    The first is that of sum g = 1. The active constraints' follow. Return the place among the
-    latter of the negative multiplier whose edge is steepest, or -1 if none is negative, within
-    rounding.
+    The first is that of sum g = 1. Those of the active constraints follow. Return the place, among
+    the latter, of the negative multiplier with the steepest edge. Return -1 if none is negative,
+    within rounding.
     """
     p = len(s)
     for i in range(p):
@@ -253,7 +253,7 @@ def multipliers(s: Any, inverses: Any, q: int, y: Any) -> int:
 def blocking(slack: Any, rate: Any, is_active: Any) -> int:
     """Return the constraint that ends an edge, or -1 if the edge meets none.
 
-    Of those that it meets first, within rounding, it is the one that it meets most steeply.
+    If it meets several at once, within rounding, the steepest of them is returned.
     """
     reach = math.inf
     for c in range(len(slack)):
@@ -271,7 +271,7 @@ def blocking(slack: Any, rate: Any, is_active: Any) -> int:
 
 @compiled
 def pivot(inverse: Any, column: int, entering: int, known: Known) -> None:
-    """Exchange the constraint of a column of the inverse for another."""
+    """Replace the active constraint of a column of the inverse by the constraint ``entering``."""
     w = np.empty(inverse.shape[0])
     row_at(inverse, entering, known, w)
     exchange(inverse, column, w)
@@ -279,7 +279,7 @@ def pivot(inverse: Any, column: int, entering: int, known: Known) -> None:
 
 @compiled
 def row_at(inverse: Any, constraint: int, known: Known, w: Any) -> None:
-    """Write into w (p,) the growth of a constraint's slack along each edge of the inverse."""
+    """Write into w (p,) how fast a constraint's slack grows along each edge of the vertex."""
     p = inverse.shape[0]
     for i in range(p):
         w[i] = inverse[constraint, i] if constraint < p else 0.0
@@ -293,7 +293,7 @@ def row_at(inverse: Any, constraint: int, known: Known, w: Any) -> None:
 
 @compiled
 def exchange(inverse: Any, column: int, w: Any) -> None:
-    """Replace the constraint of a column of the inverse by the one with the rates w (p,)."""
+    """Update the inverse: the new constraint of a column has the rates w (p,) along the edges."""
     p = inverse.shape[0]
     for j in range(p):
         share = inverse[j, column] / w[column]
@@ -305,7 +305,7 @@ def exchange(inverse: Any, column: int, w: Any) -> None:
 
 @compiled
 def inverse_of(active: Any, known: Known, inverse: Any) -> bool:
-    """Compute the inverse (p, p) of [1; active constraints] by Gauss-Jordan with row exchanges.
+    """Compute the inverse (p, p) of the matrix [1; active constraints] by Gauss-Jordan elimination.
 
     Return False if the constraints are linearly dependent, as far as floats can tell.
     """

@@ -1,4 +1,4 @@
-"""K_t in gap space: the rows of answers and prior inequalities."""
+"""The plausible set K_t as linear constraints on the gaps: rows of answers and of the prior."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ the tie is 0).
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """The set K = {g >= margin, sum g = 1, rows g >= rhs}.
+    """The set K = {g >= margin, sum g = 1, rows g >= rhs} of gaps g (p,).
 
-    ``owner`` (m,) names each row's origin: the number of the answer it comes from, or -1 - i for
-    prior inequality i.
+    ``owner`` (m,) says where each row comes from: the number of an answer, or -1 - i for prior
+    inequality i.
     """
 
     margin: float
@@ -43,23 +43,22 @@ class Region:
     def exact_margin(self) -> Fraction:
         """The margin as a rational.
 
-        It is the float's own value, or 1/p if the float is nearest to that. The latter is the only
-        way to ask for equal gaps.
+        It is the float's own value, except that the float nearest to 1/p stands for 1/p itself.
+        Otherwise nobody could ask for equal gaps.
         """
         return Fraction(1, self.p) if self.margin == 1.0 / self.p else Fraction(self.margin)
 
     @cached_property
     def constraints(self) -> tuple[Floats, Floats]:
-        """All constraints (p + m, p) and their limits (p + m,). The order's come first."""
+        """All constraints (p + m, p) and limits (p + m,): those of the order, then the rows."""
         limits = np.concatenate([np.full(self.p, self.margin), self.rhs])
         return np.concatenate([np.eye(self.p), self.rows]), limits
 
     @cached_property
     def constraints_in_order(self) -> tuple[Floats, Floats]:
-        """The constraints (m, p) and limits (m,) that exclude anything, each once.
+        """The constraints (m, p) and limits (m,) that exclude anything, without duplicates.
 
-        Their order depends on their set only. So nothing computed from them depends on the order of
-        the answers.
+        They are sorted, so nothing computed from them depends on the order of the answers.
         """
         rows, limits = self.constraints
         used = np.flatnonzero(np.abs(rows).max(axis=1) > 0)
@@ -67,7 +66,7 @@ class Region:
         return rows[used[first]], limits[used[first]]
 
     def take(self, keep: NDArray[Any], margin: float | None = None) -> Region:
-        """Return the same region with only some of its rows, and perhaps another margin."""
+        """Return the region with only the rows that ``keep`` selects, perhaps another margin."""
         return Region(
             self.margin if margin is None else margin,
             self.rows[keep],
@@ -76,7 +75,7 @@ class Region:
         )
 
     def plus(self, rows: Floats, rhs: Floats, owner: NDArray[np.int64]) -> Region:
-        """Return the same region cut by further rows."""
+        """Return the region cut by further rows."""
         join = np.concatenate
         return Region(
             self.margin, join([self.rows, rows]), join([self.rhs, rhs]), join([self.owner, owner])
@@ -86,10 +85,10 @@ class Region:
 def answer_rows(
     answers: Answers, first: int, tie: float
 ) -> tuple[Floats, Floats, NDArray[np.int64]]:
-    """Return the rows, right-hand sides and owners of the answers' cuts.
+    """Return the rows, right-hand sides and owners of the cuts that answers make.
 
-    An answer y = +-1 is the cut y t.g >= 0. An answer y = 0 is the band on both sides, as wide as
-    ``tie`` in units of d.e.
+    An answer y = +-1 is the cut y t.g >= 0. An answer y = 0 makes two cuts: -tie <= t.g <= tie, in
+    units of d.e.
 
     Parameters
     ----------
@@ -125,9 +124,9 @@ def answer_rows(
 def prior_rows(
     prior: Prior | tuple[Floats, Floats] | None, k: int
 ) -> tuple[Floats, Floats, NDArray[np.int64]]:
-    """Return rows, right-hand sides and owners of A e >= b in gap space.
+    """Return the rows, right-hand sides and owners of prior inequalities A e >= b on the gaps.
 
-    e is the cumulative sum of g, so A's tail sums are its rows.
+    The scale e is the cumulative sum of the gaps, so the rows are the tail sums of A.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ from elicit.tutors.answer_log import Entry, entries_of
 
 
 class NotInLog(LookupError):
-    """A replayed log holds no answer to this query."""
+    """Error for a query that the replayed log has no answer to."""
 
 
 class ReplayTutor:
@@ -49,7 +49,7 @@ class ReplayTutor:
         return f"ReplayTutor({len(self._answers)} answers)"
 
     def __call__(self, query: Query) -> Answer:
-        """The answer that the log holds. Raises NotInLog (a LookupError) where it holds none."""
+        """Return the log's answer to this query. Raises NotInLog, a LookupError, if it has none."""
         ways = self._ways(query)
         own = self._of_person(self._by_id.get(query.id, []), query.who)
         last = self._last.get((query.id, query.who), own[-1] if own else None)
@@ -85,11 +85,11 @@ class ReplayTutor:
         return Answer(query, verdict, not found.swapped, found.who)
 
     def _of_person(self, rows: list[int], who: str | None) -> list[int]:
-        """Return those of the rows whose answer is from ``who``; all of them if it is None."""
+        """Return those of the rows whose answer is from ``who``; all of the rows if it is None."""
         return [i for i in rows if who is None or self._answers[i].who == who]
 
     def _ways(self, query: Query) -> NDArray[np.int8]:
-        """Return (n,), for each answer: 1 if about the query's pair, -1 if exchanged, else 0."""
+        """Return for each answer (n,): 1 if it is about the query's pair, -1 if flipped, else 0."""
         found, k = np.zeros(len(self._answers), np.int8), len(query.left)
         if k in self._rows:
             found[self._rows[k]] = same_pairs(tail_sums(query.d), self._sums[k])

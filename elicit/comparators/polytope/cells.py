@@ -227,10 +227,10 @@ def _told(scales: PolytopeComparator, one: Answers) -> PolytopeComparator | None
 
 
 def _unequal(one: Answers, tie: float) -> Iterator[Answers]:
-    """Yield the answers that say that d.e is at least ``tie``, and that -d.e is.
+    """Yield two answers, one of which holds if "equal" is wrong: d.e >= tie, and -d.e >= tie.
 
-    The value range is 1. So d.e >= tie says that left, less the share ``tie`` of the best level, is
-    better.
+    d.e >= tie is the answer that left is better after the share ``tie`` of the best level is taken
+    from it.
     """
     shift = max(0.0, tie - _OVERLAP * max(tie, float(np.abs(one.d[:, 1:]).max(initial=0.0))))
     for sign in (1, -1):

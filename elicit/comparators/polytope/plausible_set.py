@@ -97,7 +97,7 @@ class PlausibleSet:
 
     @property
     def inside(self) -> Floats | None:
-        """A point (p,) strictly inside; None if the set is too flat for floats to have one."""
+        """A point (p,) strictly inside the set; None if floats find none in a flat set."""
         return None if np.isnan(self._known.inside[0]) else self._known.inside
 
     @cached_property
