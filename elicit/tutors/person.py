@@ -177,7 +177,10 @@ class PersonTutor:
 
 
 def _bags(query: Query) -> tuple[Floats, Floats]:
-    """Return left and right (k,) as shares of total 1: what is missing in one is worth nothing."""
+    """Return left and right (k,) as shares of total 1.
+
+    A missing share is added at the worst level.
+    """
     both = np.stack([query.left, query.right])
     both = both - np.minimum(both.min(axis=0), 0.0)
     totals = both.sum(axis=1)

@@ -1,9 +1,9 @@
-"""The vectors that policies can reach at most, as far as trainings tell: a polytope.
+"""The vectors that policies may have, as far as trainings tell: a polytope.
 
-A training names no reachable vectors, but bounds them. If it came within a gap of its optimum, no
-policy is better at its own scale by more than that (outer approximation: Roijers 2015,
-"Multi-objective decision-theoretic planning"). Vectors are held as tail sums t, so that a scale
-with gaps g gives them the value t.g.
+A training shows one reachable vector, but bounds all of them. If its result is within a gap of its
+optimum, then at its own scale no policy is better by more than the gap (outer approximation:
+Roijers 2015, "Multi-objective decision-theoretic planning"). Vectors are held as tail sums t, so
+that their value under a scale with gaps g is t.g.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class ReachableSet:
 
     @staticmethod
     def of(corners: Floats, facets: Floats, limits: Floats) -> ReachableSet:
-        """Return the set with these vertices and facets."""
+        """Return the set with these vertices and inequalities."""
         return ReachableSet(
             corners, facets, limits, np.abs(corners @ facets.T - limits) <= 10 * _ON
         )
@@ -76,7 +76,7 @@ class ReachableSet:
         Raises
         ------
         ValueError
-            If these are no bounds.
+            If these are not valid bounds.
         """
         least, most = (
             np.atleast_1d(np.asarray(low, np.float64)),
@@ -98,7 +98,7 @@ class ReachableSet:
 
     @property
     def vectors(self) -> Floats:
-        """The vertices (c, k) as vectors of total 1."""
+        """The vertices (c, k) as vectors of total 1, rather than as tail sums."""
         t = self.corners
         return np.concatenate([1.0 - t[:, :1], t[:, :-1] - t[:, 1:], t[:, -1:]], axis=1)
 
@@ -107,7 +107,7 @@ class ReachableSet:
         return float((product(self.facets, t) - self.limits).max())
 
     def greatest(self, gaps: Floats) -> Floats:
-        """Return the greatest t.g (m,) under each of the gaps (p, m)."""
+        """Return the greatest t.g (m,) over the set, for each of m scales with gaps (p, m)."""
         return np.asarray(product(self.corners, gaps).max(axis=0))
 
     def cut_by(self, cuts: Sequence[tuple[Floats, float]]) -> ReachableSet:
@@ -126,9 +126,9 @@ class ReachableSet:
         return reach
 
     def cut(self, gaps: Floats, limit: float) -> ReachableSet:
-        """Return the part of the set with t.g <= limit.
+        """Return the part of the set with t.g <= limit, for a scale with these gaps.
 
-        Vertices outside are replaced by points on the edges that lead outside.
+        Vertices outside are replaced by the points where edges cross the limit.
         """
         beyond = product(self.corners, gaps) - limit
         outside, inside = np.flatnonzero(beyond > _ON), np.flatnonzero(beyond < -_ON)
@@ -154,9 +154,9 @@ class ReachableSet:
 
 
 def as_shares(shares: ArrayLike, k: int) -> tuple[Floats, float]:
-    """Return shares (k,) scaled to a total of 1, and the missing share.
+    """Return shares (k,) scaled to a total of 1, and the share that was missing to 1.
 
-    The missing share is taken to be spread as the rest is.
+    The missing share is taken to be spread over the levels as the rest is.
 
     Parameters
     ----------

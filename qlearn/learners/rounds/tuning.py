@@ -1,6 +1,6 @@
 """Settings of policy iteration that trade questions for CPU time.
 
-Every loss bound holds with any of them.
+Loss bounds hold whatever the settings are.
 """
 
 from dataclasses import dataclass
@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Tuning:
-    """Numbers that say which advantages are looked at, and when.
+    """Numbers that determine which advantages are looked at, and when.
 
-    benchmarks/RESULTS-question-rules.md compares the rules for questions; RESULTS-scale.md and
+    benchmarks/RESULTS-question-rules.md compares the rules for questions. RESULTS-scale.md and
     RESULTS-growth.md show the time that large models take.
     """
 
