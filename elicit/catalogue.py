@@ -62,14 +62,14 @@ class ComparatorEntry:
     options      further keywords that it takes, if they are given
     learns       whether answers change what it knows
     proves       whether its bounds on the loss of a policy are tight enough for policy iteration to
-    end
+                 end
     trusts       whether it takes each answer as a fact, so that a later answer can contradict it
     indifferent  whether the learner treats close pairs as equal; apart from that, the comparator is
-    the one of the same class that is not ``indifferent``
+                 the one of the same class that is not ``indifferent``
     cost         rough CPU time of a run, as a multiple of the cheapest; it orders the runs of a
-    sweep
+                 sweep
     compiles     the small run of ``qlearn.experiments.compile_ahead`` that compiles the code it
-    needs
+                 needs
     quick        whether ``qlearn ablate --quick`` runs it
     """
 

@@ -16,9 +16,9 @@ change:
 
 - A vector dominates another if it has at least as much of every objective.
 - The vectors are no shares, and may have negative entries. So show people the objectives,
-``of_levels(query.left)``, rather than bags of days.
+  ``of_levels(query.left)``, rather than bags of days.
 - Losses are in the unit of w.v. Bring the objectives to similar ranges, such as 0 to 1. Otherwise
-the one with the largest numbers alone decides what a tolerance means.
+  the one with the largest numbers alone decides what a tolerance means.
 - A polytope's margin (1e-6 by default) is the least weight that it allows.
 """
 

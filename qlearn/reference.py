@@ -4,13 +4,13 @@ The code is slow. A comment "Alg. 1, l. 9" stands on the line that does what lin
 says. Where the paper leaves something open, the choice is the same as in the whole package:
 
 - Vectors are shares: counting vectors times 1 - discount. Line 4 starts from all mass on the worst
-level (``start="best"``: on the best; "zero" is the paper's). A reward is 1 - discount at the level
-obtained.
+  level (``start="best"``: on the best; "zero" is the paper's). A reward is 1 - discount at the
+  level obtained.
 - The model M is a comparator. BETTER, WORSE and EQUAL are its confident forecasts, and UNKNOWN is
-an interval [g - c, g + c] that contains 1/2. An empty B needs no case of its own.
+  an interval [g - c, g + c] that contains 1/2. An empty B needs no case of its own.
 - If neither vector is better, the best action so far stays.
 - No pair is asked twice. A pair that the tutor called equal stays equal, whatever M learns later.
-(Only AlwaysAsk, the oracle, asks again.)
+  (Only AlwaysAsk, the oracle, asks again.)
 - Random numbers are a hash of the key, a purpose and counters, as in ``elicit._support.hashing``.
 - A terminal state's value is its level for ever, and the next episode starts from ``mdp.initial``.
 """

@@ -11,7 +11,7 @@ The events are:
 - "answered": the verdict 0 is "equal", and null "cannot tell".
 - "withdrawn": all earlier answers with this id are taken back. The query can be answered anew.
 - "unused": an answer contradicts others, and comparators do not learn it. "used": they learn it
-again, after others were withdrawn.
+  again, after others were withdrawn.
 - "restarted": the asker was made anew, knowing the answers so far.
 
 Nothing is deleted.

@@ -5,13 +5,13 @@ consider the MDP whose rewards are A.e. Its optimal value is by how much the bes
 V.e. It is not negative.
 
 - If scales are *proven* plausible (a polytope), each A(s, a).e is bounded over all of them at once
-(``simultaneous_bounds``). The optimal value of the MDP with these bounds as rewards is at least the
-loss. It is mostly far less than the greatest bound over 1 - discount, because few pairs are open,
-and no run is always at one of them. If the plausible scales are a union of cells, the bound is the
-greatest of the bounds over each cell.
+  (``simultaneous_bounds``). The optimal value of the MDP with these bounds as rewards is at least
+  the loss. It is mostly far less than the greatest bound over 1 - discount, because few pairs are
+  open, and no run is always at one of them. If the plausible scales are a union of cells, the bound
+  is the greatest of the bounds over each cell.
 - If scales are *drawn* (a posterior, an ensemble of fits), the loss is bounded under each draw,
-tightly. The bound is the quantile of these losses at the comparator's level. It does not combine
-bounds that hold under different scales, and so is several times smaller.
+  tightly. The bound is the quantile of these losses at the comparator's level. It does not combine
+  bounds that hold under different scales, and so is several times smaller.
 
 V need not be the policy's value exactly. Let R(s) = A(s, policy(s)), which is 0 if V is exact. Let
 R.e lie between -below and above under each ordered scale. (Its tail sums do.) The policy's value is

@@ -308,7 +308,10 @@ def _telling(mdp: OrdinalMDP, panel: Panel, proven: _Proven) -> list[tuple[str, 
 
 
 def _better(mdp: OrdinalMDP, proven: _Proven, high: Floats) -> Floats:
-    """Return what the policy that collects most of these bounds has more at the start (k,)."""
+    """Return what another policy has more at the start, (k,), than this one.
+
+    The other policy is the one that collects most of these bounds.
+    """
     gain = _gain(mdp, proven.place, proven.action, high)
     total = np.where(mdp.terminal, 0.0, greatest_total(mdp, gain))
     columns = mdp.transitions @ total

@@ -529,7 +529,7 @@ class InteractiveTraining:
         return self._cut
 
     def _best_pair(self, d: Floats, pair: Callable[[int], Pair]) -> Pair | None:
-        """Return the best pair of differences d (n, k) that matter and may be asked, or None."""
+        """Return the best question about d (n, k), among those that matter, or None."""
         elicitation = self._elicitation
         high = simultaneous_bounds(elicitation.comparator, d)[0]
         rows = np.argsort(-high, kind="stable")[:_LOOKED_AT]
@@ -540,7 +540,7 @@ class InteractiveTraining:
         return pair(int(rows[best(self._strategy, self._candidates(d[rows]))[0]]))
 
     def _simple_pair(self, d: Floats) -> Pair | None:
-        """Return a question of simple bags on the signs of differences (n, k), or None."""
+        """Return a question of simple bags about the signs of differences d (n, k), or None."""
         if self._bags is None or not len(d):
             return None
         candidates = self._candidates(d[:_LOOKED_AT])
@@ -561,7 +561,7 @@ class InteractiveTraining:
         return Pair(self._policies[other].shares, self._policies[at].shares, about, place, tier)
 
     def _pair_with_unseen(self, at: int, unseen: Floats, row: int) -> Pair:
-        """Return the pair of the best policy and a vector of (n, k) that no policy has reached."""
+        """Return the question about the best policy and a row of vectors that no policy has."""
         about = f"what no policy has shown yet (left) or policy {at + 1}, the best so far (right)?"
         place = (("unseen", at, np.round(unseen[row], 2).tobytes()),)
         return Pair(unseen[row], self._policies[at].shares, about, place)

@@ -31,10 +31,11 @@ _SAME = 10  # vertices that agree to so many decimals are the same
 
 @dataclass(frozen=True, eq=False)
 class ReachableSet:
-    """The set {t : facets t <= limits}.
+    """A polytope {t : facets t <= limits} that contains every policy's vector, as tail sums t (p,).
 
-    ``corners`` (c, p) has all of its vertices and no points outside, up to rounding. ``facets`` is
-    (f, p), and ``limits`` (f,). ``tight`` (c, f) flags the facets that each vertex is on.
+    ``corners`` (c, p) are all of its vertices, up to rounding. A row of ``facets`` (f, p) with its
+    entry of ``limits`` (f,) is one linear inequality. ``tight`` (c, f) flags the inequalities that
+    hold with equality at each vertex.
     """
 
     corners: Floats
@@ -103,7 +104,7 @@ class ReachableSet:
         return np.concatenate([1.0 - t[:, :1], t[:, :-1] - t[:, 1:], t[:, -1:]], axis=1)
 
     def excess(self, t: Floats) -> float:
-        """Return the greatest distance of tail sums t (p,) outside the set; negative inside."""
+        """Return by how much tail sums t (p,) violate the worst inequality; negative inside."""
         return float((product(self.facets, t) - self.limits).max())
 
     def greatest(self, gaps: Floats) -> Floats:
@@ -111,10 +112,10 @@ class ReachableSet:
         return np.asarray(product(self.corners, gaps).max(axis=0))
 
     def cut_by(self, cuts: Sequence[tuple[Floats, float]]) -> ReachableSet:
-        """Return the part of the set after ``cut`` by each of these gaps (p,) and limits.
+        """Return the part of the set that satisfies each of these cuts, gaps (p,) and limits.
 
-        If some have to be left out, the first ones are. Later trainings are at scales that more
-        answers have left plausible.
+        A cut is t.g <= limit. If the vertices would be too many, the first cuts are left out. Later
+        trainings are at scales that more answers have left plausible.
         """
         reach = self
         for gaps, limit in cuts:

@@ -220,7 +220,7 @@ class PairDecider:
         return n > 0
 
     def answer(self, left: Floats, right: Floats) -> Verdict | None:
-        """Ask the tutor about vectors left and right (k,), and let the elicitation learn it.
+        """Ask the tutor about vectors left and right (k,), and have the elicitation learn it.
 
         Return None, with nothing changed, unless a truthful tutor can be asked within the loop.
         Then the pair has to be asked and told as usual.
@@ -363,9 +363,9 @@ def put(q: Any, s: int, a: int, b: int, t: Any, deciding: DecidingArrays) -> tup
 
 @compiled
 def told_before(t: Any, told: Told) -> int:
-    """Return the verdict of an answer within the loop to a pair with tail sums t (p,), or UNKNOWN.
+    """Return the verdict that was given within the loop on a pair, or UNKNOWN.
 
-    The pair may stand the other way round.
+    The pair, with tail sums t (p,), may be flipped.
     """
     mark, near = mark_of(t), near_to(t)
     reach = marks_within(near, len(t))

@@ -153,9 +153,9 @@ def advance(state: State, model: Model, verdict: int, deciding: DecidingArrays) 
 def advance_and_ask(
     state: State, model: Model, verdict: int, deciding: DecidingArrays
 ) -> tuple[int, Known]:
-    """Run ``advance``, and have open pairs answered here as long as ``learn_pair`` can.
+    """Run ``advance``, and ask the tutor about undecided pairs as long as ``learn_pair`` can.
 
-    Return the code of ``advance``, and the facts about K_t with the answers entered in them.
+    Return the code of ``advance``, and the facts about K_t after these answers.
     """
     _, asking, oracle, certificates, kept, tutor, told = deciding
     q, best, cursor, decided = state.q, state.best, state.cursor, state.decided

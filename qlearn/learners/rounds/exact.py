@@ -58,7 +58,7 @@ class ExactRounds:
         )
 
     def look_further(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
-        """Return the same without solving again: a round has already looked at everything."""
+        """Return the last round's result: it has already looked at everything."""
         advantages = self.everything()
         return advantages, guarantee(self._mdp, advantages, comparator, self._enough)
 

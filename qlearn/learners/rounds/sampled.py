@@ -1,4 +1,4 @@
-"""Rounds of policy iteration that look at a sample of states until it cannot refute the bound."""
+"""Rounds of policy iteration that look at a sample of states while it refutes the tolerance."""
 
 from __future__ import annotations
 

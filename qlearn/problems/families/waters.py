@@ -132,7 +132,7 @@ def reservoir(seed: Seed | None = None, size: int = 20) -> OrdinalMDP:
 
 
 def _between(amount: float, n: int, chance: float) -> Iterator[tuple[int, float]]:
-    """Divide a chance among the two of n steps from 0 to 1 that an amount lies between."""
+    """Yield the two of n steps that an amount in 0..1 lies between, with parts of a probability."""
     place = min(amount, 1.0) * (n - 1)
     below = min(int(place), n - 2)
     yield below, chance * (1.0 - (place - below))
