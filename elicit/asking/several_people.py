@@ -65,7 +65,7 @@ def addressed(comparator: Comparator, pair: Pair, cannot: CannotTell) -> Pair:
 
 
 def nobody_left(comparator: Comparator, pair: Pair, cannot: CannotTell) -> bool:
-    """Return whether no person is left whose answer about a pair would tell more."""
+    """Return whether no further answer about a pair would help, whoever is asked."""
     return whom_of(comparator, pair.left - pair.right, cannot.names(pair)) is None
 
 
@@ -74,7 +74,7 @@ def verdict_of_all(
 ) -> Verdict:
     """Return the verdict of several people on a pair; UNKNOWN if another person is to be asked.
 
-    If no person is left whose answer would tell more, the comparator's best guess decides.
+    If no further answer would help, the comparator's best guess decides.
     """
     d = (pair.left - pair.right)[None]
     now = Verdict(int(decide(comparator, d).verdicts[0]))

@@ -152,13 +152,14 @@ def bound_of(
 ) -> float:
     """Return a lower bound on t.g over K_t that holds for any multipliers y.
 
-    t.g = (t - rows'y).g + y.(rows g) >= min over K_0 of (t - rows'y).g + y.limits, less every
-    rounding. The bound is -inf if floats overflow.
+    It is weak duality: t.g = (t - rows'y).g + y.(rows g) is at least the minimum of (t - rows'y).g
+    over K_0 plus y.limits. Every rounding error is subtracted. The bound is -inf if floats
+    overflow.
 
     ``rest`` (p,) holds t on entry, and t - rows'y on return. ``active[q]`` (c,) names c
     constraints: j < p for g_j >= margin, and p + i for row i. ``y`` (1 + c,) holds the multiplier
-    of sum g = 1 and those of the c constraints. Negative ones count as zero. So do those of g_j >=
-    margin, because the closed form over K_0 finds the best ones itself.
+    of sum g = 1 and those of the c constraints. Negative multipliers count as zero. So do those of
+    g_j >= margin, because the minimum over K_0 is computed in closed form.
     """
     p, c = len(rest), active.shape[1]
     size, gained, weight = largest(rest), 0.0, 0.0

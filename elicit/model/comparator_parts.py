@@ -391,7 +391,7 @@ class HasDraws(Protocol):
 
 @runtime_checkable
 class TrustsDraws(HasDraws, Protocol):
-    """A comparator whose bounds hold for a share, ``level``, of the weight of its draws."""
+    """A comparator with draws: its bounds hold under a share, ``level``, of their total weight."""
 
     @property
     def level(self) -> float:

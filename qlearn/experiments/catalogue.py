@@ -75,7 +75,7 @@ class LearnerEntry:
 
     @property
     def has_tolerance(self) -> bool:
-        """True if the learner ends by a tolerance, which then gives its indifference."""
+        """True if the learner stops at a tolerance of loss. Its indifference follows from that."""
         return self.indifference is not None
 
     def pairs_with(self, comparator: ComparatorEntry) -> bool:

@@ -16,7 +16,7 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 
 class MdpArrays(NamedTuple):
-    """The MDP as a sweep reads it. Row s*A + a of ``OrdinalMDP.transitions`` belongs to (s, a)."""
+    """The MDP as arrays for a sweep; row s*A + a of ``OrdinalMDP.transitions`` is of (s, a)."""
 
     successors: NDArray[np.integer[Any]]  # (n,)
     probabilities: Floats  # (n,)

@@ -233,11 +233,11 @@ def _improved(
     slack: float,
     states: Actions | None,
 ) -> tuple[Floats, Actions, Floats, Floats]:
-    """Return the values (S,) after one sweep, the actions (S,) that attain them, and the changes.
+    """Return the values (S,) after one sweep, the actions (S,) that attain them, and two numbers.
 
-    Of equally good actions the first is taken, but those of ``last`` (S,) are kept if they are as
-    good to within ``slack``. The changes are the least and the greatest from v (S,), among
-    ``states`` (n,) if they are given.
+    The numbers are the least and the greatest change from v (S,), over ``states`` (n,) if they are
+    given. Of equally good actions the first is taken, but those of ``last`` (S,) are kept if they
+    are as good to within ``slack``.
     """
     best, greedy, m = np.empty_like(v), np.empty(len(v), dtype=np.int64), mdp.n_actions
 

@@ -236,9 +236,9 @@ def logits(theta: Any, rows: Any, start: int, size: int, out: Any) -> None:
 def log_terms(work: Any, tied: Any, lapse: float) -> float:
     """Return the sum of ``log_term`` over a block of answers, one for each entry of ``tied``.
 
-    The first row of ``work`` (2, BLOCK) holds their logits eta, and is overwritten. sigma(eta) is 1
-    or exp(-|eta|), divided by 1 + exp(-|eta|). Multiplying these numbers first, and by halves,
-    takes few logarithms and few steps.
+    The first row of ``work`` (2, BLOCK) holds the answers' logits eta, and is overwritten.
+    sigma(eta) is 1 or exp(-|eta|), divided by 1 + exp(-|eta|). Numerators and denominators are
+    multiplied up before a logarithm is taken, so that few logarithms are needed.
     """
     above, below, size, ties, far = work[0], work[1], len(tied), 0, 0
     for i in range(size):
@@ -264,9 +264,9 @@ def log_terms(work: Any, tied: Any, lapse: float) -> float:
 
 @compiled
 def log_terms_apart(work: Any, tied: Any, lapse: float, width: float) -> float:
-    """Return the sum of ``log_term`` over a block of answers, with a width of EQUAL.
+    """Return the sum of ``log_term`` over a block of answers, for a tutor with a width of EQUAL.
 
-    See ``log_terms``, which does the same without a width.
+    ``log_terms`` is the same for a tutor without one.
     """
     above, below, size, far = work[0], work[1], len(tied), 0
     sure, equal = 1.0 - lapse, -math.expm1(-2.0 * width)

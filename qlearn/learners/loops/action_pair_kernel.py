@@ -363,9 +363,9 @@ def put(q: Any, s: int, a: int, b: int, t: Any, deciding: DecidingArrays) -> tup
 
 @compiled
 def told_before(t: Any, told: Told) -> int:
-    """Return the verdict that was given within the loop on a pair, or UNKNOWN.
+    """Return the verdict on a pair if the tutor gave it earlier in this run of the loop.
 
-    The pair, with tail sums t (p,), may be flipped.
+    Otherwise return UNKNOWN. The pair has tail sums t (p,), and may be flipped.
     """
     mark, near = mark_of(t), near_to(t)
     reach = marks_within(near, len(t))
