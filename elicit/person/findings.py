@@ -1,4 +1,4 @@
-"""Findings of a session about the scale, in numbers that a person reads."""
+"""Findings of a session about the scale, as numbers for a person to read."""
 
 from __future__ import annotations
 
@@ -39,11 +39,13 @@ OVERLAP = (
 class ScaleRow(NamedTuple):
     """The value of a level, from 0 to 100: the best guess, and an interval.
 
-    The interval is rounded outwards to whole numbers. ``asked`` is False for a level that no answer
-    is about: its best guess is a guess of the program's, not of the person's. ``known`` is False
-    for a level whose best guess says too little to be shown: no answer is about it, or its interval
-    is wider than 20 and covers more than a third of the room between its neighbours. That room is
-    from the low end of the next worse level to the high end of the next better one.
+    The interval is rounded outwards to whole numbers. ``asked`` is False if no answer is about the
+    level: its best guess then comes from the program, not from the person.
+
+    ``known`` is False if the best guess says too little to be shown. Either no answer is about the
+    level, or its interval is wider than 20 and covers more than a third of the room between its
+    neighbours. That room is from the low end of the next worse level to the high end of the next
+    better one.
     """
 
     label: str
@@ -74,10 +76,9 @@ def is_known(low: float, high: float, worse_low: float, better_high: float) -> b
 
 
 def asked_levels(log: Iterable[Entry]) -> set[int]:
-    """Return the levels (0 the worst) that an answer is about.
+    """Return the levels (0 the worst) that an informative answer is about.
 
-    The answer stands, is used, and says more than "cannot tell" and than the order of the levels
-    does.
+    Such an answer stands, is used, has a verdict, and does not follow from the order of the levels.
     """
     said = [
         entry.answer.query.d for entry in log if entry.used and entry.answer.verdict is not None

@@ -33,7 +33,7 @@ _FINE = 0.1  # largest change by rounding, as a share of the greatest difference
 
 @dataclass(frozen=True)
 class Words:
-    """Words in which a problem speaks of its outcomes.
+    """Words in which an interview speaks of a problem's outcomes.
 
     Attributes
     ----------
@@ -52,12 +52,12 @@ class Words:
     levels
         What each of the k levels means, worst first; none if their names say it.
     purpose
-        What the answers are for, in a sentence.
+        A sentence on what the answers are for.
     note
-        What is said beside every result, such as "Not medical advice."
+        A text beside every result, such as "Not medical advice."
     loss
         A loss in the problem's own unit, as a clause that follows "as much value as if", such as
-        "{n} patients died instead of recovering". "{n}" stands for such as "3.8 in 100".
+        "{n} patients died instead of recovering". "{n}" stands for a text such as "3.8 in 100".
     """
 
     unit: str = "days"
@@ -189,7 +189,7 @@ class Shown:
 
     @property
     def as_seen(self) -> tuple[str, str, str]:
-        """Both sides as they are on the screen, and what they have in common, in words."""
+        """Both sides as they are on the screen, and the part that they have in common, in words."""
         common = zip(self.labels, self.common, strict=True)
         sides = (
             [(row.a, row.label) for row in self.rows],
@@ -246,7 +246,7 @@ class Shown:
         return Verdict.BETTER if (choice == "a") != self.swapped else Verdict.WORSE
 
     def record(self) -> dict[str, Any]:
-        """Return the shown counts, as JSON for a log."""
+        """Return the counts on the screen, as JSON for a log."""
         a, b = (self.right, self.left) if self.swapped else (self.left, self.right)
         return {
             "a": list(a),
@@ -533,7 +533,7 @@ def _to_total(parts: Floats, total: int) -> Floats:
 def _row(
     row: Row, counts: Sequence[int], k: int, label: int, number: int, room: int, column: int
 ) -> Iterator[str]:
-    """Return the lines of text that show one level: its name, and ``counts`` with icons.
+    """Return the lines of text that show a level: its name, and its ``counts`` with icons.
 
     ``label``, ``number`` and ``column`` are the widths of the name, of a count and of its icons.
     ``room`` is the width that the icons of a line may take; 0: no icons.

@@ -1,4 +1,4 @@
-"""The command ``qlearn``. Everything heavy is imported by the command that needs it."""
+"""The command ``qlearn``. Each subcommand imports what it needs when it runs."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 class _Version(argparse.Action):
-    """Looked up when asked for, not at every start."""
+    """The version, looked up only when ``--version`` asks for it."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         from elicit._support.distribution import version

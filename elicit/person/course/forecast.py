@@ -1,4 +1,4 @@
-"""Forecasts beside a question that do not jump: the questions left, and why a stated loss rose."""
+"""Forecasts beside a question that do not jump: questions left, and why a stated loss rose."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ Ten answers about ICU-Sepsis, learned with four seeds: at most 7% from the least
 
 
 class QuestionsLeft:
-    """The range of questions that are still to come, as it is shown.
+    """The range of the number of questions still to come, as it is shown.
 
-    New forecasts come with every question. The range shown stays as long as it is not off by much:
-    by two questions, or by a quarter of those left. Meanwhile its ends count down.
+    New forecasts come with every question. The shown range is kept, and its ends count down, as
+    long as it is not off by much: by two questions, or by a quarter of those left.
     """
 
     def __init__(self) -> None:
@@ -57,7 +57,7 @@ class QuestionsLeft:
 
 
 class Stated(NamedTuple):
-    """The loss that was last stated to a person.
+    """The loss that was last stated to the person.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class Stated(NamedTuple):
 
 
 def rise(loss: float | None, stated: Stated, exact: bool = False) -> str | None:
-    """Return a sentence on why a loss is greater than when it was last stated, or None if it isn't.
+    """Return a sentence on why a loss is greater than the one last stated, or None if it is not.
 
     Parameters
     ----------
