@@ -1,4 +1,7 @@
-"""A count of answers "equal" in a row to certainly near pairs; after a few, no more are asked."""
+"""The rule for near ties: after a few answers "equal" in a row, no more such pairs are asked.
+
+The pairs are certainly near: their values differ by no more than about the tutor's tie.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace

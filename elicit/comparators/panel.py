@@ -305,10 +305,10 @@ class Panel:
         return min(found, key=lambda one: one[0], default=(0.0, None))[1]
 
     def _put_to(self, name: str, d: Floats, low: float, high: float) -> PersonAsked | None:
-        """Return what to ask a member about d (k,), or None if they were asked already.
+        """Return the difference to ask a member about, or None if they were asked enough.
 
-        It is d, or d shifted so that the answer says on which side of a number d.e lies. d.e is in
-        ``low`` to ``high``.
+        It is d (k,) itself, or a shifted d: the answer then says whether d.e is above some number
+        between its bounds ``low`` and ``high``.
         """
         own = self.answers.of_person(name)
         tails = tail_sums(own.d)

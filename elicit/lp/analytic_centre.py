@@ -70,9 +70,10 @@ def _canonical(region: Region) -> _Shape:
 
 
 def _opposites(shape: _Shape) -> _Hull:
-    """Return the hull given by pairs of opposite rows that leave (nearly) no room between them.
+    """Return the affine hull of a region that pairs of opposite rows make flat.
 
-    Such rows come from an answer "equal", or from opposite answers.
+    Such a pair leaves (nearly) no room between its two limits. It comes from an answer "equal", or
+    from opposite answers.
     """
     tightest: dict[bytes, float] = {}
     keys = [(row + 0.0).tobytes() for row in shape.rows]

@@ -52,12 +52,12 @@ def prove(t: Any, certificate: Any, known: Known, verdicts: Any, tiers: Any) -> 
     """Decide the sign of t.g over K_t for each row of tail sums t (n, p) whose verdict is UNKNOWN.
 
     Verdicts (n,) and tiers (n,) are written into the last two arguments. A verdict is LEFT_OPEN if
-    no proof is found. Take many rows in a call, because passing ``known`` takes as long as a cheap
+    no proof is found. Pass many rows in a call, because passing ``known`` takes as long as a cheap
     proof.
 
-    ``certificate`` is (p,) if t has one row and a certificate is wanted (for t times the verdict),
-    else (0,). If it is wanted, the proofs that give far-reaching certificates come first. Return
-    whether one was written.
+    If t has a single row, a certificate (see the module) can be written into ``certificate`` (p,).
+    The proofs that give far-reaching certificates then come first. Give an array (0,) if you want
+    none. Return whether a certificate was written.
     """
     margin, inside, counts = known.margin, known.inside, known.counts
     rows, lifted, masks = known.rows, known.lifted, known.masks

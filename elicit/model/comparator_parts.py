@@ -53,11 +53,11 @@ class ForeseesBounds(Protocol):
     """A comparator that can say which bounds an answer would leave, without learning the answer."""
 
     def bounds_after(self, asked: ArrayLike, d: ArrayLike, enough: ArrayLike) -> Floats:
-        """Return roughly the simultaneous bounds (c, 2, n) there would be after each answer.
+        """Return roughly the simultaneous bounds on d.e that there would be after each answer.
 
-        There are c questions ``asked`` (c, k), two answers, worse and better, and n differences d
-        (n, k). A bound is -inf if the answer contradicts earlier ones. A bound up to ``enough``, a
-        number or (n,), may be any number up to that.
+        The result is (c, 2, n), for c questions ``asked`` (c, k), the answers worse and better, and
+        n differences d (n, k). A bound is -inf if the answer contradicts earlier ones. If a bound
+        is at most ``enough``, a number or (n,), any number up to ``enough`` may take its place.
         """
 
 
@@ -330,11 +330,11 @@ def _within_order(
 def bounds_after(
     comparator: Comparator, asked: Floats, d: Floats, enough: float | Floats
 ) -> Floats:
-    """Return roughly the simultaneous bounds (c, 2, n) on d (n, k) after each possible answer.
+    """Return roughly the simultaneous bounds on d.e that there would be after each answer.
 
-    There are c questions ``asked`` (c, k), and two answers, worse and better. A bound is -inf if
-    the answer contradicts earlier ones. Bounds up to ``enough``, a number or (n,), may be any
-    number up to that.
+    The result is (c, 2, n), for c questions ``asked`` (c, k), the answers worse and better, and n
+    differences d (n, k). A bound is -inf if the answer contradicts earlier ones. If a bound is at
+    most ``enough``, a number or (n,), any number up to ``enough`` may take its place.
     """
     if offers(comparator, "bounds_after"):
         return cast(ForeseesBounds, comparator).bounds_after(asked, d, enough)
@@ -534,9 +534,9 @@ def trusted_share(comparator: object) -> float | None:
 
 
 def stated_confidence(comparator: Comparator, level: float) -> float:
-    """Return the confidence of guarantees that depend on a comparator's draws.
+    """Return the confidence of a comparator's guarantees, if its bounds depend on draws.
 
-    It is the comparator's own ``confidence`` if it has one, else the share ``level``.
+    It is the comparator's ``confidence`` if it has one, else ``level``.
     """
     return (
         cast(StatesConfidence, comparator).confidence if offers(comparator, "confidence") else level

@@ -68,12 +68,12 @@ def with_check(text: bytes, before: str) -> tuple[bytes, str]:
 
 @dataclass
 class Lines:
-    """The content of a log file.
+    """The content of a log file, as far as it can be trusted.
 
-    header: None in an empty file. lines: the number and the fields of each line after the header.
-    kept: number of bytes in whole lines. joint: bytes that must be written before the next line.
-    check: the checksum of the last line. damage: the error for the first line whose checksum is
-    wrong. Then ``lines`` end before that line.
+    header: the header's fields, or None in an empty file. lines: the number and the fields of each
+    line after the header. kept: the number of bytes in whole lines. joint: bytes to write before
+    the next line. check: the checksum of the last line. damage: the error for the first line whose
+    checksum is wrong, at which ``lines`` end; None if there is none.
     """
 
     header: dict[str, Any] | None = None

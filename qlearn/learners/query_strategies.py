@@ -128,7 +128,10 @@ def max_regret(candidates: Candidates) -> Floats:
 
 @uses("draws")
 def most_even_cut(candidates: Candidates) -> Floats:
-    """Score by the weight of scales that the answer excludes: the smaller of left and right."""
+    """Score by the weight of scales that either answer excludes at least.
+
+    "Left is better" excludes the scales with d.e < 0, and "right is better" those with d.e > 0.
+    """
     weights = candidates.weights
     better, worse = product(candidates.scores > 0, weights), product(candidates.scores < 0, weights)
     return np.asarray(np.minimum(better, worse))

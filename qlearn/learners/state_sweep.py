@@ -57,10 +57,10 @@ class StateSweep:
     _waiting: States  # whose pair at the cursor is undecided, in order
 
     def proceed(self, batch: int) -> States:
-        """Compare the actions of the states, in order, until ``batch`` states need the tutor.
+        """Compare the actions of states, in order, until ``batch`` of them need the tutor.
 
-        Return the states that need the tutor, in order. There may be fewer than ``batch`` near the
-        end of the sweep, and there are none once the sweep is complete.
+        Return these states. There may be fewer near the end of the sweep, and there are none once
+        it is complete.
         """
         self._look_again(batch)
         while len(self._waiting) < batch and self._reached < self._mdp.n_states:
@@ -249,7 +249,7 @@ class StateSweep:
 
 
 def _copy(rule: Rule) -> Rule:
-    """Return a rule with copies of the arrays that walks between vertices write to."""
+    """Return a copy of a rule whose arrays may be changed by proofs."""
     written = ("points", "inverses", "active", "kind", "age", "counts")
     return rule._replace(
         known=rule.known._replace(**{name: getattr(rule.known, name).copy() for name in written})

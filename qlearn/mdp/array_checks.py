@@ -209,7 +209,7 @@ def names(name: str, given: Sequence[str] | None, count: int) -> tuple[str, ...]
 
 
 def _strings(name: str, given: Sequence[str], wanted: str) -> tuple[str, ...]:
-    """Return names as plain strings, also from a NumPy array, after a check that they differ."""
+    """Return names as a tuple of plain strings. Raise an error unless all are different."""
     sized = isinstance(given, Iterable) and not isinstance(given, str)
     found = tuple(given) if sized else ()
     if not sized or not all(isinstance(one, str) for one in found):

@@ -146,16 +146,20 @@ def _excesses(policies: Sequence[TrainedPolicy]) -> tuple[Floats, Floats]:
 
 
 def observed_gap(policies: Sequence[TrainedPolicy]) -> float:
-    """Return the most by which a policy beats a trained one at the latter's scale, at least 0."""
+    """Return the greatest value by which a policy beats a trained one, or 0 if none does.
+
+    Both are compared at the scale of the trained one.
+    """
     if all(policy.trained_on is None for policy in policies):
         return 0.0
     return max(0.0, float(_excesses(policies)[0].max()))
 
 
 def is_broken(policies: Sequence[TrainedPolicy], gap: float) -> bool:
-    """Return whether some policy beats a trained one by more than the gap and both errors.
+    """Return whether the gap is refuted: some policy beats a trained one by more.
 
-    They are compared at the scale of the trained one.
+    Both are compared at the scale of the trained one. The standard errors of both are added to the
+    gap.
     """
     if all(policy.trained_on is None for policy in policies):
         return False

@@ -37,7 +37,7 @@ class TrainingResult:
     policy : object
         The best policy at the comparator's central scale, None before the first.
     shares : (k,)
-        Its shares.
+        The shares of ``policy``.
     asked : int
         Number of questions answered, without audits.
     trained : int
@@ -45,8 +45,8 @@ class TrainingResult:
     policies : tuple of TrainedPolicy
         All policies that were added, in order.
     observed_gap : float
-        The most by which a policy beat another one at the scale that the latter was trained on.
-        That training fell short of its optimum by at least as much.
+        A lower bound on how far some training fell short of its optimum: the most by which another
+        policy is better, at the scale that was trained on.
     """
 
     policy: Any

@@ -124,17 +124,17 @@ def learned_from(
     learns_lapse: bool,
     seed: int,
 ) -> EarlierPeople:
-    """Return the kinds of people that best explain the particles of some people.
+    """Return the kinds of people that best explain the posteriors of several earlier people.
 
     Parameters
     ----------
     people : list of OwnParticles
-        The particles of each person, equally many for all.
+        Particles of each person's posterior, equally many for all.
     answers : int
-        Number of their answers.
+        Number of answers that these people gave.
     general : callable
-        The log density of the general prior (n,) at particles, in the measure of ``Kind``'s laws,
-        without the constant of a standard normal.
+        Takes particles, and returns the log density (n,) of the general prior at them. The measure
+        is that of ``Kind``'s laws, and the constant of a standard normal is left out.
     least_shape : float
         Least parameter of a Dirichlet law.
     learns_lapse : bool

@@ -98,7 +98,7 @@ class Cells:
         return nothing() if all(part.scales.rule.dominance for part in self.parts) else unaided()
 
     def bounds(self, d: Floats) -> tuple[Floats, Floats]:
-        """Return bounds (n,) each on d.e over all cells, for valid differences d (n, k)."""
+        """Return bounds lo (n,), hi (n,) on d.e over all cells, for differences d (n, k)."""
         each = np.array([part.scales.bounds(d) for part in self.parts])
         return each[:, 0].min(axis=0), each[:, 1].max(axis=0)
 

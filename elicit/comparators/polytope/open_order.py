@@ -188,7 +188,7 @@ class OpenOrderComparator:
 
     @one_thread
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Return bounds (n,) each on d.e that hold over the scales of all possible orders."""
+        """Return bounds lo (n,), hi (n,) on d.e that hold in all possible orders."""
         rows = self._rows(d)
         each = np.array([scales.bounds(rows[:, order]) for order, scales in self._parts])
         return each[:, 0].min(axis=0), each[:, 1].max(axis=0)

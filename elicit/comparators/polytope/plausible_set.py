@@ -132,7 +132,7 @@ class PlausibleSet:
         )
 
     def bounds(self, d: Floats) -> tuple[Floats, Floats]:
-        """Return proven bounds (n,) each on d.e for differences d (n, k), tight to 1e-9 |d|_1."""
+        """Return proven bounds lo (n,), hi (n,) on d.e of d (n, k), tight to 1e-9 |d|_1."""
         return self._least(d), 0.0 - self._least(-d)
 
     def _least(self, d: Floats) -> Floats:

@@ -354,7 +354,7 @@ class _Sublevel:
         return outer(rule.known, self.points.T) if rule.kind == PROVEN else rule
 
     def bounds(self, d: Floats) -> tuple[Floats, Floats]:
-        """Return proven bounds (n,) each on d.e for differences d (n, k), tight to 1e-9 |d|_1."""
+        """Return proven bounds lo (n,), hi (n,) on d.e of d (n, k), tight to 1e-9 |d|_1."""
         for one in _unit_tails(d):
             for t in (one, -one) if one.any() else ():
                 self._sharpen(t, -np.inf)
