@@ -463,9 +463,9 @@ def _less(d: Floats, low: float, high: float) -> Floats:
 
 
 def _about(d: Floats, tails: Floats) -> NDArray[np.bool_]:
-    """Return flags (n,) of differences that are forms of d (k,) (see ``_put_to``).
+    """Return flags (n,) of those earlier questions that were about d (k,) or a shifted d.
 
-    The differences are given by their tail sums (n, p).
+    The questions are given by the tail sums (n, p) of their differences. See ``_put_to``.
     """
     t = tail_sums(d[None])[0]
     flat = t - t.mean()

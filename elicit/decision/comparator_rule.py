@@ -49,7 +49,7 @@ class DecidesRest(Protocol):
 
 @runtime_checkable
 class LearnsInLoops(Protocol):
-    """A comparator to whose rule a compiled loop may add answers, up to the rule's ``room``."""
+    """A comparator that lets a compiled loop add answers to its rule, up to the rule's ``room``."""
 
     def learned_in_loop(self, answers: Answers, rule: Rule) -> Comparator:
         """Return the comparator after strict answers that a loop has already added to its rule."""

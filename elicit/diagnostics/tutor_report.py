@@ -283,9 +283,10 @@ def exact_share(count: int, n: int, level: float = 0.95) -> Estimate:
 
 
 class _Record(NamedTuple):
-    """The answers of a log that stand, and the numbers of its other answers.
+    """A log's answers that were not taken back, and counts of its other answers.
 
-    If the log says it, ``swapped`` (n,) flags the answers shown with sides exchanged.
+    ``swapped`` (n,) flags the answers that were shown with sides exchanged; None if the log does
+    not say it.
     """
 
     answers: Answers

@@ -67,11 +67,11 @@ def opposite_answers(answers: Answers, first: int) -> tuple[int, int] | None:
 
 
 def exclude_opposites(rows: Floats, g: Floats | None) -> bool:
-    """Return whether a point shows that no answer is opposite to those with these rows (m, p).
+    """Return whether a quick test shows that the answers with these rows (m, p) have no opposites.
 
-    The point g (p,) satisfies every answer; None means that none is known. This takes a single
-    product, while ``opposite_answers`` looks through all answers (``vertex_store.UNOPPOSED`` says
-    why it suffices).
+    The test uses a point g (p,) that satisfies every answer; None if there is no such point. It is
+    a single product, while ``opposite_answers`` looks through all answers
+    (``vertex_store.UNOPPOSED`` says why it suffices).
     """
     return g is not None and bool((rows @ g > UNOPPOSED).all())
 

@@ -225,11 +225,11 @@ def rates_of(inverse: Any, column: int, known: Known, rate: Any) -> None:
 
 @compiled
 def multipliers(s: Any, inverses: Any, q: int, y: Any) -> int:
-    """Write the multipliers of the objective s at vertex q into y (p,).
+    """Write the multipliers of the objective s at vertex q into y (p,), and choose an edge.
 
-    The first is that of sum g = 1. Those of the active constraints follow. Return the place, among
-    the latter, of the negative multiplier with the steepest edge. Return -1 if none is negative,
-    within rounding.
+    The first multiplier is that of sum g = 1. Those of the active constraints follow. Return the
+    number of the active constraint with a negative multiplier whose edge is steepest, or -1 if none
+    is negative, within rounding.
     """
     p = len(s)
     for i in range(p):

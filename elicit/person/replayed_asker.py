@@ -103,7 +103,7 @@ class ReplayedAsker:
     def current(self) -> Asker:
         """Return the asker, after telling it all that is in the log.
 
-        It is another object if an answer was taken back, or if the asker after an answer was
+        The object is replaced when an answer is taken back, and when the asker after an answer was
         computed ahead.
         """
         if self._position is None:
@@ -315,10 +315,10 @@ class ReplayedAsker:
     def supposing(
         self, without: Collection[str], meant: Sequence[Answer]
     ) -> Callable[[], Supposed]:
-        """Return a function that makes the asker that would know other answers.
+        """Return a function that makes an asker as it would be with other answers.
 
-        These are the log's present answers, except those with an id in ``without``, and in addition
-        ``meant``. Nothing changes. Another thread may call the function.
+        The other answers are those of the log now, without those with an id in ``without``, and
+        with those in ``meant``. Nothing changes. Another thread may call the function.
         """
         standing = self._without_repeats()
         n = sum(entry.answer.verdict is not None for entry in standing)

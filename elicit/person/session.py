@@ -165,7 +165,7 @@ class Session(Closing):
     def current_asker(self) -> Asker:
         """Return the asker, after telling it all that is in the log.
 
-        It is another object after ``undo`` and ``withdraw``, and if the asker after an answer was
+        The object is replaced by ``undo`` and ``withdraw``, and when the asker after an answer was
         computed ahead.
         """
         return self._replayed.current()

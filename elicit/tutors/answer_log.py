@@ -553,9 +553,9 @@ def _entry(
 
 
 def _withdrawn(entries: list[Entry], id: Any, told: Mapping[str, Any]) -> dict[int, Entry]:
-    """Return the entries that a withdrawal changes, by their place in the log.
+    """Return changed copies of the entries that a withdrawal takes back.
 
-    Raises ValueError if it takes back nothing.
+    They are in a dict by their place in the log. Raises ValueError if there are none.
     """
     mine = {i: entry for i, entry in enumerate(entries) if entry.answer.query.id == id}
     people = sorted({e.answer.who for e in mine.values() if e.stands and e.answer.who})
@@ -577,9 +577,9 @@ def _withdrawn(entries: list[Entry], id: Any, told: Mapping[str, Any]) -> dict[i
 
 
 def _marked(entries: list[Entry], id: Any, used: bool, told: Mapping[str, Any]) -> dict[int, Entry]:
-    """Return the last entry of this id, marked as used or unused, by its place in the log.
+    """Return a changed copy of the last entry of this id, marked as used or unused.
 
-    Raises ValueError if there is none.
+    It is in a dict by its place in the log. Raises ValueError if there is no such entry.
     """
     for i in reversed(range(len(entries))):
         entry = entries[i]

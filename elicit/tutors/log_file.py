@@ -148,10 +148,10 @@ def _digest(data: bytes) -> str:
 
 
 def _is_torn(line: bytes, first: bool) -> bool:
-    """Return whether a last line is one that a crash left unfinished.
+    """Return whether a file's last line was left unfinished by a crash, not damaged later.
 
-    It is the beginning of a JSON object, and contains no whole object. Otherwise the line was whole
-    once, and its line feed was changed.
+    An unfinished line is the beginning of a JSON object. If it contains a whole object, it was
+    complete once, and its line feed was changed.
     """
     text = line.decode("utf-8", "replace")
     with suppress(ValueError):

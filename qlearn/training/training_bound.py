@@ -156,10 +156,10 @@ def observed_gap(policies: Sequence[TrainedPolicy]) -> float:
 
 
 def is_broken(policies: Sequence[TrainedPolicy], gap: float) -> bool:
-    """Return whether the gap is refuted: some policy beats a trained one by more.
+    """Return whether some policy refutes the assumed ``gap`` of a trained one.
 
-    Both are compared at the scale of the trained one. The standard errors of both are added to the
-    gap.
+    It does if it is better, at the scale that was trained on, by more than the gap and the standard
+    errors of both policies.
     """
     if all(policy.trained_on is None for policy in policies):
         return False

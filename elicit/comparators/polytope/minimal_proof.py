@@ -155,10 +155,10 @@ def _needed(goals: list[Floats], region: Region, comparator: Polytope) -> list[i
 
 
 def _single(goals: list[Floats], region: Region) -> list[int]:
-    """Return numbers of answers that may prove t.g >= 0 alone, for the only goal t.
+    """Return numbers of answers each of which may prove t.g >= 0 alone, for a single goal t.
 
-    With an answer w.g >= 0, t.g >= 0 follows if t >= lambda w, where lambda is the least number
-    that makes this true at the negative entries of t. Answers that need the fewest steps of the
+    An answer w.g >= 0 proves it if t >= lambda w for some lambda >= 0. Tried is the least lambda
+    for which this holds at the negative entries of t. Answers that need the fewest steps of the
     order come first. Floats only propose: the caller proves it.
     """
     if len(goals) > 1:
@@ -241,9 +241,9 @@ def _told_equal(d: Floats, answers: Answers) -> int | None:
 
 
 def _moderate(g: Numbers, other: Numbers, t: Floats) -> Numbers:
-    """Return a scale between the vertex g and another vertex, with the same sign of t.g as g.
+    """Return a scale that gives t.g the same sign as vertex g does, but is less extreme.
 
-    It is less extreme than g, and so easier to picture.
+    It lies between g and another vertex, and so is easier to picture.
     """
     for share in (Fraction(1, 4), Fraction(1, 16)):
         mixed: Numbers = (1 - share) * g + share * other

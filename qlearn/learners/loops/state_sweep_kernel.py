@@ -1,8 +1,8 @@
 """A sweep of value iteration on share vectors, a block of states at a time, in compiled code.
 
-Q(s, a) of a single state fits into a small scratch array, so only V is kept. If compiled code
-cannot decide a state's pair, the state waits with its cursor at that pair, while the other states
-go on.
+Only V is kept for all states. Q(s, a) is computed for a single state at a time, in a small array.
+Each state has a cursor: the action that is compared next. If compiled code cannot decide that
+comparison, the state waits, while the other states go on.
 """
 
 from __future__ import annotations
