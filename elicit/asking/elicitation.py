@@ -507,8 +507,8 @@ class Elicitation:
     def may_ask(self, d: Floats, places: Callable[[int], Place]) -> NDArray[np.bool_]:
         """Return flags (n,): which of the differences d (n, k) may be put to the tutor.
 
-        Not allowed are differences that were answered, and those at a place where the tutor could
-        not tell.
+        A difference is excluded if it was answered, or if the tutor could not tell another one at
+        the same place (of ``places``).
         """
         new: NDArray[np.bool_] = self._answered.said(tail_sums(d)) == Verdict.UNKNOWN
         if self._unclear:

@@ -65,7 +65,7 @@ class DividingQuestion:
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """How far several people agree. ``print`` shows it in words.
+    """A report on how far several people agree. ``print`` shows it in words.
 
     Attributes
     ----------

@@ -54,7 +54,10 @@ class Known(NamedTuple):
 
 
 def nothing_known(margin: float, rows: Floats, limits: Floats, vertices: int) -> Known:
-    """Return K_t, with rows (m, p) and limits (m,), as facts with empty places for vertices."""
+    """Return the arrays of facts about K_t before any vertex is known.
+
+    K_t is given by rows (m, p) and limits (m,). There is room for ``vertices`` vertices.
+    """
     p = rows.shape[1]
     return Known(
         margin=margin,
@@ -135,7 +138,10 @@ def walk(s: Any, start: int, known: Known, out: Any, target: float) -> int:
 
 @compiled
 def redundant(known: Known) -> Any:
-    """Return flags (m,) of the rows of K_t that follow from the others; latest rows go first."""
+    """Return flags (m,) of rows of K_t that can be removed, because the others imply them.
+
+    The latest rows are tested first.
+    """
     p, m = known.cuts.shape
     out = np.zeros(m, dtype=np.bool_)
     for i in range(m - 1, -1, -1):

@@ -85,7 +85,7 @@ class Region:
 def answer_rows(
     answers: Answers, first: int, tie: float
 ) -> tuple[Floats, Floats, NDArray[np.int64]]:
-    """Return the rows, right-hand sides and owners of the cuts that answers make.
+    """Return the linear constraints on the gaps that answers make, as rows g >= rhs.
 
     An answer y = +-1 is the cut y t.g >= 0. An answer y = 0 makes two cuts: -tie <= t.g <= tie, in
     units of d.e.
@@ -102,6 +102,7 @@ def answer_rows(
     rows : (m, p)
     rhs : (m,)
     owner : (m,)
+        The number of the answer that each row comes from.
     """
     d, t, exponent = of_order_one(answers.d, "the answers")
     cutting = np.flatnonzero(t.any(axis=1))
@@ -124,7 +125,7 @@ def answer_rows(
 def prior_rows(
     prior: Prior | tuple[Floats, Floats] | None, k: int
 ) -> tuple[Floats, Floats, NDArray[np.int64]]:
-    """Return the rows, right-hand sides and owners of prior inequalities A e >= b on the gaps.
+    """Return prior inequalities A e >= b as linear constraints on the gaps, rows g >= rhs.
 
     The scale e is the cumulative sum of the gaps, so the rows are the tail sums of A.
 
@@ -136,7 +137,9 @@ def prior_rows(
     Returns
     -------
     rows : (m, k-1)
-    rhs, owner : (m,) each
+    rhs : (m,)
+    owner : (m,)
+        -1 - i for a row that comes from prior inequality i.
     """
     if prior is None:
         return np.empty((0, k - 1)), np.empty(0), np.empty(0, dtype=np.int64)

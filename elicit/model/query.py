@@ -32,7 +32,7 @@ class Verdict(IntEnum):
 
     @property
     def flipped(self) -> Verdict:
-        """The same verdict after left and right are exchanged."""
+        """The verdict after left and right are exchanged."""
         return self if self is Verdict.UNKNOWN else Verdict(-self)
 
     def __str__(self) -> str:

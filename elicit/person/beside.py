@@ -117,7 +117,7 @@ class _Computed:
 
 
 class Company(Closing):
-    """What several interviews about the same subject share. ``close`` ends its background work.
+    """Shared work of several interviews about the same subject. ``close`` ends it.
 
     Parameters
     ----------

@@ -192,7 +192,7 @@ def report_page(
 
 
 def technical_details(facts: Mapping[str, str]) -> Iterator[str]:
-    """Return facts that only somebody who checks a report needs, folded."""
+    """Return facts that only somebody who checks a report needs, as a folded HTML part."""
     if facts:
         named = "".join(f"<dt>{escaped(k)}</dt><dd>{escaped(v)}</dd>" for k, v in facts.items())
         yield f'<details class="log"><summary>Technical details</summary><dl>{named}</dl></details>'

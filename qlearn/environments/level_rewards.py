@@ -46,7 +46,7 @@ class LevelRewarded(gym.Wrapper[Any, Any, Any, Any], Generic[R]):
 
 
 class LevelRewardedVector(VectorWrapper[Any, Any, NDArray[Any]]):
-    """The same base class for a vector of environments.
+    """Base class like ``LevelRewarded``, of wrappers of a vector of environments.
 
     If an environment uses a step of its own to start a new episode, that step has reward 0.
     """

@@ -324,12 +324,12 @@ class InteractivePolicyIteration(Learner):
         )
 
     def _mixtures(self, advantages: Advantages) -> Pair | None:
-        """Return a question about a level and a mixture of two others.
+        """Return a question about a level and a mixture of two other levels, or None.
 
-        It is needed if each pair of actions that matters was asked about, but the tutor may have
-        erred: asked again, they might err again. The result is None if no such question tells
-        anything about the signs of the open advantages, or if the setting is to ask about pairs as
-        they are.
+        Such questions are for a tutor who may have erred, once every pair of actions that matters
+        was asked about: asking the same pair again might give the same error. The result is None if
+        none of them tells anything about the signs of the open advantages, or if the setting is to
+        ask about pairs as they are.
         """
         elicitation, k = self._elicitation, self._mdp.k
         if not self._magnify or drawn_set(elicitation.comparator) is None or elicitation.gave_up:

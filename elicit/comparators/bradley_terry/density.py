@@ -378,9 +378,10 @@ small_exp = compiled(exp_of_minus)
 
 @compiled
 def likelihoods(theta: Any, slip: Any, rows: Any, tied: Any, n: int, out: Any) -> None:
-    """Write the log-likelihood (m,) of answer n - 1 into ``out``, for particles of theta (p, m).
+    """Write the log-likelihood (m,) of the last of n answers, for each particle, into ``out``.
 
-    ``slip`` (2, m) holds their lapses and widths of EQUAL.
+    The particles are given by theta (p, m), and by ``slip`` (2, m), their lapses and widths of
+    EQUAL.
     """
     p, m = theta.shape
     for i in range(m):

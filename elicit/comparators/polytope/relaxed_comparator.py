@@ -323,7 +323,10 @@ class _Sublevel:
         self.solves = 0
 
     def inherit(self, old: _Sublevel) -> None:
-        """Take over the cuts and points found for fewer answers, unless the budget has grown."""
+        """Take over the cuts and points of ``old``, found for fewer answers.
+
+        If the budget has grown since, they are not valid, and nothing is taken over.
+        """
         with np.errstate(over="ignore"):
             budget = np.ldexp(old.budget, old.hinges.exponent - self.hinges.exponent)
         if self.budget <= budget:

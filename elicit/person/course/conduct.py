@@ -78,7 +78,7 @@ def differs(entry: Entry) -> bool:
 
 @dataclass(frozen=True)
 class Conduct:
-    """How a person has answered, as counts from a log.
+    """Counts from a log of how a person has answered.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
-"""Several people's interviews about one subject, and what whoever runs them sees.
+"""Several people's interviews about the same subject, and the messages of the person who runs them.
 
-Nobody's interview knows of another's. Whoever runs the study sends messages of its own, which are
-JSON as those of ``elicit.person.interview``. Every message is ``{"do": ...}``:
+Interviews know nothing of each other. The person who runs the study sends messages of their own,
+which are JSON as those of ``elicit.person.interview``. Every message is ``{"do": ...}``:
 
 ``state``
     The reply has ``title``, ``ended``, ``facts`` (pairs), ``report`` (how to make the report) and

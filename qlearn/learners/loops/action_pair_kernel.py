@@ -247,11 +247,11 @@ class PairDecider:
 def without_proof(
     verdict: int, row: int, t: Any, dominance: bool, plain: bool, certificates: Certificates
 ) -> tuple[int, int]:
-    """Decide a pair with tail sums t (p,) if that takes no proof. Return verdict and tier.
+    """Decide a pair with tail sums t (p,) by what needs no proof. Return verdict and tier.
 
-    It uses the verdict by dominance, which ``difference`` returns, and the row's certificate. If
-    the tier is NO_TIER, the pair is still undecided. Then the oracle is asked if there is one, and
-    otherwise ``decide_action_pair`` is called.
+    That is the verdict by dominance (``verdict``, from ``difference``), or the certificate in
+    ``row``. The tier is NO_TIER if neither decides. The caller then asks the oracle, if there is
+    one, or calls ``decide_action_pair``.
     """
     limits, sides, tiers = certificates
     tier = NO_TIER
