@@ -108,7 +108,7 @@ class LookAhead:
 
 @dataclass(frozen=True, eq=False)
 class _Computed:
-    """What is computed beside a question, whose id is ``shown``; empty if the asker has no copy."""
+    """The computations beside a question with the id ``shown``; none if the asker has no copy."""
 
     shown: str
     asker: Asker
