@@ -23,17 +23,17 @@ NOT_KNOWN = (
     "A dashed bar is a level that is not known yet: its range is wider than 20 and covers more "
     "than a third of the room between its neighbours, or no answer is about it."
 )
-"""The sentence that goes with a level whose best guess is not shown."""
+"""The sentence beside levels whose best guess is not shown."""
 NOT_NEEDED = (
     "The result does not depend on what is not known yet. “Ask me more” learns these levels too, "
     "most often with a few answers."
 )
-"""The sentence that goes with such levels where the result is settled."""
+"""The sentence beside such levels if the result is settled."""
 OVERLAP = (
     "Ranges may overlap although the order is fixed: wherever two levels lie in their ranges, the "
     "better one is never worth less."
 )
-"""The sentence that goes with ranges that overlap."""
+"""The sentence beside ranges that overlap."""
 
 
 class ScaleRow(NamedTuple):

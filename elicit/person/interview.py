@@ -247,7 +247,7 @@ class Interview(Closing):
             "download": self._drawing.download,
         }
         self.progress = self._progress(None)
-        """The point at which it stood after the last message."""
+        """The state of the interview after the last message."""
 
     def handle(self, message: Mapping[str, Any]) -> dict[str, Any]:
         """Return the reply to a message.

@@ -25,8 +25,8 @@ from elicit.person.showing import Shown, printable
 from elicit.tutors.erring_tutor import says_left
 
 _PLAYS = 12
-"""Sessions that are played. One more like them is within their range in 11 of 13 cases; in 10
-without the longest, which may be far longer than the others."""
+"""Number of simulated sessions. Another session like them is within their range in 11 of 13 cases.
+Without the longest, which may be far longer than the others, it is in 10 of 13."""
 _FEWEST = 4  # least number of sessions to make a range of
 _FEWEST_SO_FAR = 5  # least number while others are still played
 _SECONDS = 15.0  # time limit of all this, except for a last step

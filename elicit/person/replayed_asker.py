@@ -35,7 +35,7 @@ _NOT_ITS_QUESTIONS = (
 
 
 Made = tuple[Asker, list[Entry], dict[int, list[str]]]
-"""An asker, the entries that it knows, and the ids that those which it dropped contradict."""
+"""An asker, the entries that it knows, and for those it dropped the ids that contradict them."""
 _Key = tuple[tuple[Any, ...], ...]
 
 

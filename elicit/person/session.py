@@ -131,12 +131,10 @@ class Session(Closing):
             str, float
         ] = {}  # when a pending question was put, by a clock that only goes forwards
         self.choose_replacement: ChooseReplacement | None = None
-        """Chooses the query that replaces the asker's, for a session that makes its askers.
-
-        After the answer a new asker is made, which knows it.
-        """
+        """Chooses the query to put in place of the asker's, if the session can make askers. After
+        the answer a new asker is made, which knows the answer."""
         self.choose_extra: Callable[[], Query | None] | None = None
-        """Chooses a question once the asker has none, for a session that makes its askers."""
+        """Chooses a question once the asker has none, if the session can make askers."""
         # a comparator that takes all for true, what it was offered, and the answers that it took
         self._consistent: tuple[PolytopeComparator, list[Any], list[Entry]] | None = None
         self.audits = audit is None or audit > 0

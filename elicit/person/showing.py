@@ -21,11 +21,12 @@ from elicit.person.course.conclusion import Conclusion, SessionFacts
 Choice: TypeAlias = Literal["a", "b", "equal", "cannot tell"]
 
 NARROWEST = 30
-"""Columns that a text needs at least."""
+"""Least number of columns that a text needs."""
 
 _FIVE = 5
 MOST_ICONS = 50
-"""More in a row are not counted at a glance: then the numbers stand alone."""
+"""With more icons in a row people cannot count them at a glance. Then only the numbers are
+shown."""
 _MOST = 1000  # largest total of whole numbers that a query is looked for in
 _ROUNDED = (100, 1_000, 10_000, 100_000, 1_000_000)
 _FINE = 0.1  # largest change by rounding, as a share of the greatest difference

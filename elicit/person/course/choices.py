@@ -13,7 +13,7 @@ from typing import Any
 from elicit.tutors.answer_log import Asked
 
 CHOICES = "choices"
-"""The metadata of an asked question: the choices of the person by then, if they changed."""
+"""The metadata field of an asked question that holds the person's choices, if they changed."""
 
 
 @dataclass

@@ -24,7 +24,7 @@ ORDER = "order/"
 IN_CONFLICT = "in conflict"
 """The metadata of an answer that was taken back because it contradicted others."""
 SETTLED = "settled/"
-"""Start of the id of an answer that stands for two that differed."""
+"""Start of the id of an answer that replaces two that differed."""
 UNSURE_OFFER = 3
 """Answers "cannot tell" in a row after which the person is offered something else."""
 _UNSURE = 12  # answers "cannot tell" in a row after which the questions are said not to work
@@ -42,9 +42,9 @@ _BY_CHANCE = 0.5  # share of the checks that answers by chance answer otherwise,
 _BY_SLIPS = 0.15  # share that somebody answers otherwise who means the answers
 _LIKELIER = 2.0  # so many times likelier by chance is said
 LEAST_CHECKS = 5
-"""Checks before the end. Answers by chance pass so many in at most 1 of 32 cases."""
+"""Checks before the end. Answers by chance pass this many in at most 1 of 32 cases."""
 MOST_CHECKS = 11
-"""Checks after which whoever has not passed is told so."""
+"""A person who has not passed after this many checks is told so."""
 _RARE = 25  # cases: answers by chance that do so well in one of more are rare
 _MORE_ALIKE = 2  # further checks that must be answered alike for each that was not
 _EVERY = 4  # answers for each check, where the interview wants some

@@ -7,9 +7,9 @@ from typing import NamedTuple
 _SLACK = 2  # questions, and a share of those left, by which a forecast may be off and stays:
 _SHARE_OF_SLACK = 0.25
 _ESTIMATE = 0.07
-"""Share of a loss that it varies by, because it is estimated from a sample of plausible scales.
-
-Ten answers about ICU-Sepsis, learned with four seeds: at most 7% from the least to the greatest."""
+"""The share by which a loss varies, because it is estimated from a sample of plausible scales. It
+was measured with ten answers about ICU-Sepsis, learned with four seeds: at most 7% from the least
+to the greatest."""
 
 
 class QuestionsLeft:

@@ -16,7 +16,7 @@ import numpy as np
 from elicit.tutors.answer_log import Asked
 
 START = "start"
-"""The metadata of an asked question: what was known before the first answer."""
+"""The metadata field of an asked question that holds the state before the first answer."""
 
 
 class Before(NamedTuple):

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from typing import Any, Protocol
 
 GETTING_READY = "getting_ready"
-"""The one field of a reply that comes before the interview is there: seconds so far."""
+"""The only field of a reply before the interview is ready: the seconds so far."""
 SAID = (
     "Getting ready: a few seconds. The first start on a computer compiles, which takes up to two "
     "minutes."

@@ -17,7 +17,7 @@ from elicit.person.showing import printable
 from elicit.person.study.study import Study
 
 RUNNER = "study"
-"""The first part of the path of the page of whoever runs the study."""
+"""The first part of the path of the page for the person who runs the study."""
 _ASK = "Ask whoever runs the study for a new link."
 _KEPT = (
     "Each link lets in one browser, once, and a new one is needed after a restart of the program. "

@@ -52,7 +52,7 @@ class PageServer(Closing):
             raise with_advice(error) from None
         self._listening = _listening(host, port, let_others_in)
         self.port: int = self._listening.getsockname()[1]
-        """Where it listens."""
+        """The port on which the server listens."""
         name = f"[{host}]" if ":" in host else host
         names = {name, "localhost", "127.0.0.1", "[::1]"}
         ports = {
@@ -60,7 +60,7 @@ class PageServer(Closing):
             *([""] if self.port == _HTTP else []),
         }  # browsers leave that one out
         self.hosts = frozenset(each.lower() + end for each in names for end in ports)
-        """The names by which it may be called, in lower case and with the port."""
+        """The names by which the server may be called, in lower case and with the port."""
         self.origin = f"http://{name}:{self.port}"
         """The beginning of every address."""
 

@@ -54,7 +54,7 @@ NOT_LET_IN = (
     "computer, press Enter in its terminal, and open the address that it prints then."
 )
 _CLOSED_STYLE = "closed.css"
-"""The one file that everybody may read: the looks of the page for whoever is not let in."""
+"""The only file that everybody may read: the style of the page for people who are refused."""
 _LOOKS = b"\n".join((PAGE / name).read_bytes() for name in ("style.css", "page.css"))
 _CLOSED_DOOR = f"""<!doctype html>
 <html lang="en">
@@ -101,7 +101,8 @@ _WHY = (
     "again with the same command. All answers are kept."
 )
 _DAYS = 30
-"""How long a browser stays let in, also if it is closed meanwhile: people are told to come back."""
+"""Days for which a browser stays let in, even if it is closed meanwhile: people are told to come
+back."""
 
 _log = logging.getLogger(__name__)
 
