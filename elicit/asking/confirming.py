@@ -99,9 +99,9 @@ class _WeighedCell(NamedTuple):
         return _WeighedCell(cell, wrong - len(cell.wrong), d, high)
 
     def after(self, asked: Floats, limit: float) -> tuple[float, float]:
-        """Return the halvings left in two parts of the cell: ``asked`` is better, or it is worse.
+        """Return how many halvings are left in the two parts of the cell that a question makes.
 
-        See ``cuts.halvings``.
+        In the first part ``asked`` is better, and in the second worse. See ``cuts.halvings``.
         """
         rows = np.flatnonzero(self.high > limit)
         if not len(rows):

@@ -465,7 +465,7 @@ class Elicitation:
 
     @property
     def gave_up(self) -> bool:
-        """True if pairs that are certainly near are no longer asked, but count as equal.
+        """True if pairs that are certainly near count as equal without being asked.
 
         That is so once the tutor has called the last few of them equal.
         """
@@ -583,7 +583,7 @@ class Elicitation:
         self.comparator, _ = learn(self.comparator, told[done:], one_by_one=False)
 
     def _enter(self, entry: Entry) -> Answer | None:
-        """Note an earlier answer; return it if the comparator is to learn it, else None."""
+        """Note an earlier answer in the counts, and return it if the comparator is to learn it."""
         answer = entry.answer
         if entry.retracted:
             return None

@@ -331,7 +331,7 @@ class Panel:
         return list(self.members.values())
 
     def _summed(self, of_each: Sequence[Floats]) -> Floats:
-        """Return the weighted sum over members of one array for each, in the members' order."""
+        """Return the weighted sum of arrays, each of which belongs to a member."""
         if len(of_each) == 1:
             return of_each[0]
         total = np.zeros_like(of_each[0])
@@ -476,7 +476,7 @@ def _about(d: Floats, tails: Floats) -> NDArray[np.bool_]:
 
 
 def _equally_likely(weights: Floats, m: int) -> NDArray[np.int64]:
-    """Return m numbers of draws, each as often as its weight (n,) says."""
+    """Return the indices (m,) of m draws, each repeated in proportion to its weight (n,)."""
     total = np.round(np.cumsum(weights) * _GRID) / _GRID
     at = (np.arange(m) + 0.5) / m
     return np.minimum(total.searchsorted(at), len(weights) - 1)

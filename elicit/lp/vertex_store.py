@@ -89,10 +89,10 @@ def _cut_of_arrays(known: Known, row: Floats, limit: float) -> Known:
 
 @compiled_beside(_cut_of_arrays)
 def cut(known: Known, row: Any, limit: float) -> Known:
-    """Return the facts about K_t cut by one more row (p,), row.g >= limit.
+    """Return the facts about K_t after a cut: row.g >= limit, for a row (p,).
 
-    All known rows still hold. The vertices that the new row cannot cut off stay. The inner point is
-    still the old one: call ``recentre`` or ``refresh``.
+    All known rows still hold. Vertices stay if the cut certainly keeps them. The inner point is not
+    updated: call ``recentre`` or ``refresh``.
     """
     (p, m), r, slots = known.cuts.shape, len(known.masks), len(known.kind)
     new = Known(

@@ -400,9 +400,9 @@ class TrustsDraws(HasDraws, Protocol):
 
 @runtime_checkable
 class StatesConfidence(Protocol):
-    """A comparator that states the confidence of its guarantees by itself.
+    """A comparator that states the confidence of its guarantees.
 
-    It must if the confidence is not the share ``level`` of draws under which the guarantees hold.
+    It is needed if draws are used and the confidence differs from the draws' share ``level``.
     """
 
     @property

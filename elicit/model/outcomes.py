@@ -71,7 +71,7 @@ class Status(Enum):
 
 
 def assumed_of_answers(wrong: int, whose: str) -> str:
-    """Return the assumption about the answers under which a proof holds, as text.
+    """Return a condition, as text: a proof holds if at most ``wrong`` of the answers are wrong.
 
     Parameters
     ----------

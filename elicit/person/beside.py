@@ -108,7 +108,10 @@ class LookAhead:
 
 @dataclass(frozen=True, eq=False)
 class _Computed:
-    """The computations beside a question with the id ``shown``; none if the asker has no copy."""
+    """Results of the computations beside a question, whose id is ``shown``.
+
+    There are none if the asker cannot be copied.
+    """
 
     shown: str
     asker: Asker

@@ -108,9 +108,9 @@ def loses_at_most(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator, mo
 def guarantee(
     mdp: OrdinalMDP, advantages: Advantages, comparator: Comparator, enough: float | None = None
 ) -> Guarantee:
-    """Return the loss bound of a policy with these advantages over it.
+    """Return the loss bound of a policy, given the advantages over it.
 
-    If ``enough`` is given and the bound exceeds it, the result may be inf.
+    If the bound exceeds ``enough``, the result may be inf.
     """
     if unordered_of(comparator) is not None:
         # the doubt is of one tail sum; in the other order a tail sum is made of three of them,

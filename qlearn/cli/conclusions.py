@@ -115,9 +115,10 @@ _COMPARES = "The loss compares what outcomes are worth to you. It does not predi
 
 
 class _Differing(NamedTuple):
-    """The policy for equal steps between levels (S,), and the states where the learned one differs.
+    """A comparison of the learned policy with the policy for equal steps between levels.
 
-    ``holds`` says for each of these ``states`` whether the learned action is certainly better.
+    It holds the latter (S,), the ``states`` where the two differ, and in ``holds`` for each of
+    these whether the learned action is certainly better.
     """
 
     equal: Any

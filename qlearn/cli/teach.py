@@ -355,7 +355,7 @@ def address_options(how: SessionOptions) -> list[str]:
 
 
 def people_parser(text: str) -> tuple[str, ...]:
-    """Return names from a text with commas, for argparse. Each name gives a different file."""
+    """Return names from a command line's text, separated by commas. Each gives a different file."""
     names = [_name_parser(name) if name.strip() else "" for name in text.split(",")]
     if "" in names:
         raise argparse.ArgumentTypeError(
@@ -385,7 +385,7 @@ def people_parser(text: str) -> tuple[str, ...]:
 
 
 def _invited(text: str) -> tuple[str, ...]:
-    """Return pseudonyms for a number of people, for argparse."""
+    """Return pseudonyms for the number of people given on the command line."""
     number = int(number_parser(_INVITED)(text))
     return tuple(f"person-{i}" for i in range(1, number + 1))
 
@@ -501,9 +501,9 @@ def _served(
 
 
 def problem_parser(text: str) -> Any:
-    """Return a problem from its name or from the path of a CSV file, for argparse.
+    """Return a problem, given on the command line by a name or by the path of a CSV file.
 
-    See ``part_parser``.
+    Names are those of ``part_parser``.
     """
     if text.lower().endswith(".csv"):
         return text

@@ -298,7 +298,7 @@ class AblationSettings(Settings):
                 )
 
     def names(self, setting: str) -> tuple[str, ...]:
-        """Return the names of the parts in one of the settings that ``OWN`` lists."""
+        """Return the names in a setting that lists parts, such as comparators."""
         return tuple(one.name if isinstance(one, Own) else one for one in getattr(self, setting))
 
     def own(self) -> dict[str, dict[str, Own]]:

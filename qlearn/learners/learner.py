@@ -56,7 +56,10 @@ def pair_of(
     b: int,
     tier: int = int(Tier.TUTOR),
 ) -> Pair:
-    """Return the question about actions a and b at a state, with vectors ``left`` and ``right``."""
+    """Return the question which of two actions, a and b, is better at a state.
+
+    ``left`` (k,) is the vector of a, and ``right`` (k,) that of b.
+    """
     sentences = place(mdp, state, a, b)
     return Pair(left, right, sentences[0], sentences, tier)
 

@@ -222,7 +222,7 @@ class StateSweep:
         return needed
 
     def _pass_decided(self, states: States, verdicts: NDArray[np.int8]) -> None:
-        """Move the cursors of states past challengers that were decided."""
+        """Move on from decided comparisons: advance the cursors of these states."""
         won = states[verdicts == Verdict.BETTER]
         self.best[won] = self.cursor[won]
         self.cursor[states] += 1

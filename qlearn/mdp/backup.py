@@ -29,9 +29,9 @@ class MdpArrays(NamedTuple):
     discount: float
 
     def __deepcopy__(self, memo: dict[int, Any]) -> MdpArrays:
-        """Return the same object.
+        """Return the same object in place of a copy.
 
-        Copies of its arrays would be writeable, and loops would be compiled again for them.
+        A copy's arrays would be writeable, and loops would be compiled again for them.
         """
         return self
 

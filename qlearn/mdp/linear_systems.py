@@ -116,11 +116,11 @@ def _dense(flows: sparse.csr_array) -> Solver:
 
 
 def _sparse(flows: sparse.csr_array, discount: float) -> Solver:
-    """Return a solver for a sparse chain. It keeps to the first of four methods that succeeds.
+    """Return a solver for a sparse chain, which tries four methods and keeps the first that works.
 
-    Sweeps beside a constant and Krylov steps are quick on chains that mix, for which a
-    factorisation fills up. A factorisation solves the others. If it does not fit into memory, plain
-    sweeps do.
+    The first two, sweeps beside a constant and Krylov steps, are quick on chains that mix. On these
+    a factorisation, the third, would fill up. If it does not fit into memory, plain sweeps are
+    used.
     """
     n = flows.shape[0]
     matrix = sparse.eye_array(n, format="csr") - flows

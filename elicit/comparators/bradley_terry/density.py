@@ -216,7 +216,10 @@ def log_likelihood(
 
 @for_each_number
 def logits(theta: Any, rows: Any, start: int, size: int, out: Any) -> None:
-    """Write row.theta into ``out`` for the next ``size`` of rows (p, n) from ``start`` on."""
+    """Write the logits t.theta of ``size`` answers into ``out``.
+
+    The answers are columns of ``rows`` (p, n), from ``start`` on.
+    """
     p, stop = len(theta), start + size
     for i in range(size):
         out[i] = 0.0

@@ -631,6 +631,9 @@ class PosteriorComparator:
         return self._theta / self._theta.sum(axis=0), weights / weights.sum()
 
     def _first_particles(self, prior: ParticlePrior) -> Floats:
-        """Return particles (m, >= p) from a prior, with columns for a learned lapse and width."""
+        """Return particles drawn from a prior, (m, >= p).
+
+        A learned lapse and a learned width of EQUAL have a further column each.
+        """
         key, m = int(self._key), self.particles
         return first_particles(key, m, self.shape, prior, self.prior, self.like)

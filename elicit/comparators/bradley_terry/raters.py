@@ -175,7 +175,7 @@ def learn(state: RaterArrays, n: int, prior: ParticlePrior, key: Any) -> tuple[i
 
 
 class Several(NamedTuple):
-    """The raters' names, by number, and flags of those who may call equal what is close."""
+    """The raters by number: their names, and whether each has a width of EQUAL."""
 
     names: tuple[str | None, ...]
     wide: tuple[bool, ...]

@@ -405,7 +405,7 @@ class PolytopeComparator:
         return self._set.programs.solves
 
     def _with_answers(self, answers: Answers) -> PolytopeComparator:
-        """Return a comparator with these further answers, and K_t not yet computed."""
+        """Return a comparator with these further answers, which computes K_t when it is needed."""
         new = object.__new__(PolytopeComparator)
         new.k, new.margin, new.prior = self.k, self.margin, self.prior
         new.tie, new.wrong = self.tie, self.wrong

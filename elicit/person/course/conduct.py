@@ -52,7 +52,7 @@ AGAIN = " again"  # suffix of the id of a query that is put again
 
 
 def choice_of(answer: Answer) -> Kind:
-    """Return the choice on the screen that an answer stands for."""
+    """Return which choice on the screen an answer was: "a", "b", "equal" or "cannot tell"."""
     if answer.verdict is None:
         return "cannot tell"
     if answer.verdict is Verdict.EQUAL:
@@ -61,7 +61,10 @@ def choice_of(answer: Answer) -> Kind:
 
 
 def repeats_in(log: Iterable[Entry]) -> list[Entry]:
-    """Return the repeats that count: those that stand, and those whose difference was settled."""
+    """Return the answers to repeated questions that count.
+
+    Those are the ones that stand, and those replaced when the person settled a difference.
+    """
     return [entry for entry in log if entry.repeat and (entry.stands or was_settled(entry))]
 
 

@@ -61,14 +61,14 @@ class PersonFound:
 
 @dataclass(frozen=True)
 class FollowingTable:
-    """Losses of people if they follow another's policy or choice.
+    """A table of each person's loss from following another's policy or choice.
 
     Attributes
     ----------
     rows, columns : sequence of str
-        Those who lose, and those who are followed.
+        The people who lose, and the people who are followed.
     losses, bounds : sequence of sequence of float
-        Shares of the value range: by the best guesses, and upper bounds.
+        Losses by the best guesses, and upper bounds, as shares of the value range.
     note : str
         Sentences on what the numbers are.
     """

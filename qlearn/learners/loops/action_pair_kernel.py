@@ -79,7 +79,7 @@ class Certificates(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """Comparisons kept for a watcher. Without a watcher there is no room for any (c = 0)."""
+    """Buffer of comparisons for a watcher. Without a watcher it has no room (c = 0)."""
 
     d: Floats  # (c, k)
     verdicts: NDArray[np.int8]  # (c,)
@@ -88,9 +88,9 @@ class Kept(NamedTuple):
 
 
 class Told(NamedTuple):
-    """Answers that a tutor has given within a loop, until the elicitation takes them.
+    """Buffer of answers that a tutor has given within a loop, until the elicitation takes them.
 
-    If Python has to ask the tutor, there is no room for any.
+    It is empty, with no room, if only Python can ask the tutor.
     """
 
     vectors: Floats  # (c, 2, k) left and right
