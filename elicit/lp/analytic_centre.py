@@ -120,10 +120,11 @@ def _deepest_point(shape: _Shape, hull: _Hull) -> Floats | None:
 
 
 def _relative_interior(shape: _Shape, region: Region) -> tuple[Floats, _Hull]:
-    """Return a point in the relative interior of the region, and the region's affine hull.
+    """Return a point in the relative interior of a flat region, and the region's affine hull.
 
-    At this point a constraint has slack if it has slack anywhere in the region. The point is the
-    mean of exact vertices: for each constraint in which the mean so far has no slack, one is added.
+    At the point every constraint has slack, unless it holds with equality in the whole region. The
+    point is a mean of exact vertices. As long as some constraint has no slack at the mean, a vertex
+    at which it has most is added.
     """
     m = len(shape.rows)
     vertices: list[Numbers] = [minimise_exactly(-shape.rows[0], region).g]

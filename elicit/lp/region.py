@@ -56,9 +56,9 @@ class Region:
 
     @cached_property
     def constraints_in_order(self) -> tuple[Floats, Floats]:
-        """The constraints (m, p) and limits (m,) that exclude anything, without duplicates.
+        """The constraints (m, p) and limits (m,), sorted, without duplicates and trivial ones.
 
-        They are sorted, so nothing computed from them depends on the order of the answers.
+        Since they are sorted, nothing computed from them depends on the order of the answers.
         """
         rows, limits = self.constraints
         used = np.flatnonzero(np.abs(rows).max(axis=1) > 0)

@@ -87,7 +87,7 @@ class Part(NamedTuple):
 
     @property
     def member(self) -> str:
-        """The name of the attribute or method on a comparator."""
+        """The name of the part as a member of a comparator."""
         return self.signature.split("(")[0]
 
 

@@ -215,9 +215,9 @@ class Session(Closing):
         return next(iter(self._pending().values()), None)
 
     def check_regularly(self) -> None:
-        """Put a question again after every fourth answer, and after each that differed.
+        """Put an earlier question again after every fourth answer, and after a repeat differed.
 
-        Not if the session was told to put none again.
+        If the session was made with ``audit=0``, none is put again.
         """
         self._repeats.regular = self.audits
 

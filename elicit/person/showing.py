@@ -497,10 +497,7 @@ def near_in_whole_numbers(query: Query) -> Iterator[Query]:
 
 
 def _whole(both: Floats, of: int, shares: bool) -> tuple[float, Floats, bool]:
-    """Return the factor from vectors (2, k) to counts, and the counts (2, k).
-
-    The third result says whether they are exact.
-    """
+    """Return a factor, the counts (2, k) that it makes of vectors (2, k), and if they are exact."""
     for scale in (of if shares else 1, 10, 100, *range(1, _MOST + 1), *_ROUNDED):
         counts = np.rint(both * scale)
         if (counts / scale == both).all() and counts[0].sum() == counts[1].sum():

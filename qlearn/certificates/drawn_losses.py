@@ -116,12 +116,13 @@ class _Game(NamedTuple):
     def losses(
         self, gain: Floats, target: float, weights: Floats, room: float, small: float
     ) -> tuple[Floats, Floats]:
-        """Return lower and upper bounds (b,) on the greatest total of gains (n, b) over all states.
+        """Return bounds on the greatest total that a policy can collect, from the worst state.
 
-        They come from sweeps of value iteration that start at zero, with MacQueen's (1966) bounds.
-        The sweeps end when each pair of bounds is decided: both are on one side of the target, or
-        below ``small``, or within a hundredth of each other. They also end when more weight than
-        ``room`` certainly exceeds the target.
+        There are a lower and an upper bound (b,), for each of b scales; ``gain`` (n, b) are the
+        rewards. They come from sweeps of value iteration that start at zero, with MacQueen's (1966)
+        bounds. The sweeps end when each pair of bounds is decided: both are on one side of the
+        target, or below ``small``, or within a hundredth of each other. They also end when scales
+        of more weight than ``room`` certainly exceed the target.
         """
         b = gain.shape[1]
         total, ratio = np.zeros((self.own.shape[1], b)), self.discount / (1 - self.discount)

@@ -391,7 +391,7 @@ def _invited(text: str) -> tuple[str, ...]:
 
 
 def _name_parser(text: str) -> str:
-    """Return a name, for argparse: printable, and at most ``LONGEST_NAME`` characters."""
+    """Return a name from the command line: printable, and at most ``LONGEST_NAME`` characters."""
     from elicit.person.showing import printable
 
     name = " ".join(printable(text).split())

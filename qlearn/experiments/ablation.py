@@ -244,17 +244,19 @@ def run_all(
 
     The oracle's run has the same problem and seed, and always asks a truthful tutor.
 
-    A cell is as in ``run``, with the name of its "problem". ``size`` has "states", "actions",
-    "levels" and "discount" of the random MDPs, unless the cells say their own. ``function`` is
-    ``run_named``, or adds to its row. ``shown`` makes the table that is returned. ``how`` are
-    ``SweepOptions``.
+    A cell is a dict as in ``run``, with the name of its "problem". ``size`` has "states",
+    "actions", "levels" and "discount" of the random MDPs, unless the cells say their own.
+    ``function`` computes a row: ``run_named``, or a function that adds to its row. ``shown`` turns
+    the rows into the table that is returned. ``how`` are ``SweepOptions``.
 
     The last columns are nan without an oracle, and for audited runs, which are shorter than the
-    oracle's. ``paper_loss_percent`` is the paper's formula for figure 4, signed as printed.
-    ``paper_abs_percent`` is the same with |v(s) - V(s)|, which cannot cancel out. ``excess_loss``
-    and ``excess_loss_initial`` are the true policy loss beyond the oracle's, a share of the value
-    range; for a user's own learner it is beyond the best policy's, which is 0. ``seconds`` is the
-    time of the run.
+    oracle's:
+
+    - ``paper_loss_percent``: the paper's formula for figure 4, signed as printed.
+    - ``paper_abs_percent``: the same with |v(s) - V(s)|, which cannot cancel out.
+    - ``excess_loss`` and ``excess_loss_initial``: the true policy loss beyond the oracle's, a share
+      of the value range. For a user's own learner it is beyond the best policy's, which is 0.
+    - ``seconds``: the time of the run.
 
     Raises ImportError without the package of a problem, ValueError if a user's factory returns
     something wrong, Interrupted on Ctrl-C, and the errors of ``sweep``.

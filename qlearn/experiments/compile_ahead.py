@@ -31,10 +31,7 @@ from qlearn.problems.random_mdp import random_mdp
 
 
 def parts(cells: Iterable[Cell]) -> tuple[Callable[[], None], ...]:
-    """Return the tiny runs that compile what these cells need.
-
-    Runs in two processes share machine code: the loops use what the proofs have compiled.
-    """
+    """Return the tiny runs that compile all that these cells need."""
     named = {name for cell in cells for name in (cell["comparator"], cell["learner"])}
     needed = {entry.compiles for entry in COMPARATORS.values() if entry.name in named}
     needed |= {entry.compiles for entry in LEARNERS.values() if entry.name in named}

@@ -21,9 +21,9 @@ _LIKE: Mapping[type, Any] = {int: numbers.Integral, float: numbers.Real}  # NumP
 
 @dataclass(frozen=True)
 class Number:
-    """A kind of setting: finite numbers of a type that satisfy ``holds``.
+    """A kind of setting: numbers that are finite and satisfy the condition ``holds``.
 
-    ``wanted`` describes them in words.
+    ``wanted`` is the condition in words, for messages.
     """
 
     kind: type[int] | type[float]

@@ -60,10 +60,11 @@ class Rough(NamedTuple):
 
 @compiled
 def hardest_first(x: Any, rows: Any, tied: Any, n: int, prior: ParticlePrior) -> Any:
-    """Return the order (n,) of the first n answers, those that are hardest to explain first.
+    """Return the order (n,) of n answers, so that those hardest to explain come first.
 
     The answers are columns of ``rows`` (p, >= n). Ties come first. The others follow by their
-    logits at the mean theta of particles x (m, >= p), the least first, to within ``WIDTH``.
+    logits at the mean theta of particles x (m, >= p), lowest first. Logits that differ by less than
+    ``WIDTH`` count as equal.
     """
     p, m = len(rows), len(x)
     theta, mean, eta = np.empty(p), np.zeros(p), np.zeros(n)

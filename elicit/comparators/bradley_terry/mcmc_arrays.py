@@ -91,10 +91,11 @@ def move(
 
 
 def _groups(a: Any, b: Any, alone: Any) -> list[Any]:
-    """Return lists of the numbers of particles that can move together, out of m.
+    """Return groups of particles that can move together, as lists of their numbers.
 
-    A particle's group comes after those of the two particles that it uses, a and b (m,), if they
-    come before it. ``alone`` marks particles that use no others.
+    A particle's proposal uses two other particles, a and b (m,). If one of these comes before it,
+    it must have moved already, so it is in an earlier group. ``alone`` marks particles whose
+    proposals use no others.
     """
     level: list[int] = []
     for i, (one, other, needs_none) in enumerate(

@@ -107,9 +107,9 @@ class OpenOrderComparator:
     def values(self) -> Floats:
         """The central scale (k,), least 0 and greatest 1. Read-only.
 
-        The two levels may be in either order. It is the mean over the possible orders, weighted by
-        the volume of their scales. If all levels are worth the same in that mean, which happens
-        with two levels, it is the scale of the given order.
+        It is the mean over the possible orders, weighted by the volume of their scales. So the two
+        levels may be in either order in it. If all levels have the same value in the mean, which
+        happens with two levels, it is the scale of the given order.
         """
         return mean_scale([(order, scales.values) for order, scales in self._parts], self._weights)
 

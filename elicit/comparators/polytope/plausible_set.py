@@ -148,15 +148,15 @@ class PlausibleSet:
         return np.where(t.any(axis=1), np.nextafter(low, -np.inf), 0.0)
 
     def bounded(self, d: Floats, enough: Floats | None = None) -> Floats:
-        """Return upper bounds on d.e, as ``greatest`` does, but from the last call's if possible.
+        """Return upper bounds (n,) on d.e of d (n, k), as ``greatest``, but reuse the last bounds.
 
-        A bound up to ``enough`` (n,) may be loose: any number from the exact bound to ``enough``.
-        Default: none may be loose.
+        If the exact bound is at most ``enough`` (n,), the result may be any number between the two.
+        By default all bounds are exact.
 
         In each round a learner needs the bounds three times: for its proof, to see which
         differences are open, and to choose a cut. From round to round differences change little,
         and the set becomes smaller. So the last bounds, plus the change of each difference, mostly
-        show that what was below ``enough`` still is.
+        suffice to show that a bound is still below ``enough``.
         """
         enough = np.full(len(d), -np.inf) if enough is None else enough
         last = self._last
@@ -174,7 +174,7 @@ class PlausibleSet:
         return high
 
     def _at_most(self, d: Floats, last: _Bounded) -> Floats:
-        """Return upper bounds (n,) on d.e, from ``last``, those on nearly the same differences."""
+        """Return upper bounds (n,) on d.e, from the ``last`` ones and how d has changed since."""
         size = np.abs(d).sum(axis=1) + np.abs(last.d).sum(axis=1)
         change = order_bounds(tail_sums(d) - tail_sums(last.d), self.region.margin)[1]
         bounds: Floats = last.high + change + rounding(self.region.p + 1, 4.0 * size)

@@ -44,9 +44,9 @@ class SampledRounds:
         self._all: Advantages | None = None
 
     def round(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
-        """Return the advantages of some states, and the loss bound (see ``ExactRounds.round``).
+        """Solve approximately, and return the advantages of some states and the loss bound.
 
-        The bound may also be inf because it was not computed.
+        The bound is inf if it is too large to stop, or was not computed.
         """
         self._asked += 1
         if (
