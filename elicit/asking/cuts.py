@@ -74,11 +74,11 @@ def _chances(asked: Floats, draws: Draws) -> Floats:
 def closing_cut_of_one(
     panel: Panel, d: Floats, high: Floats, limit: float
 ) -> tuple[str, Floats] | None:
-    """Return a panel member's name, and the cut (k,) that closes most if they are asked.
+    """Return a panel member's name, and the cut (k,) whose answer by that member closes most.
 
-    Chosen is the member with the largest weighted distance from best guess to bound, over all open
-    differences d (n, k). ``high`` (n,), n > 0, are upper bounds on the mean d.e, which are to come
-    down to ``limit``. The result is None if no cut promises anything. No randomness.
+    The member is the one with the largest sum, over all open differences d (n, k), of the weighted
+    distance from best guess to bound. ``high`` (n,), n > 0, are upper bounds on the mean d.e, which
+    are to come down to ``limit``. The result is None if no cut promises anything. No randomness.
     """
     open_rows = high > limit
     own = {name: simultaneous_bounds(one, d)[0] for name, one in panel.members.items()}

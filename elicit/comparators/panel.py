@@ -153,7 +153,7 @@ class Panel:
         return _again, (dict(self.members), dict(self.weights), self.answers, self.aim)
 
     def __getattr__(self, name: str) -> Any:
-        """Return an optional part, made from the members' parts if all of them have it."""
+        """Return an optional part, if every member has the part that it is made from."""
         if name.startswith("_") or "members" not in vars(self):
             raise AttributeError(name)
         if len(self.people) == 1 and name in _PARTS:

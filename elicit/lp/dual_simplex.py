@@ -213,9 +213,8 @@ class _IntegerVertex:
     def violated(self, by_index: bool) -> int | None:
         """Return a constraint that this vertex violates, or None.
 
-        It is the most violated one. With ``by_index`` it is the first one, so that the method
-        cannot cycle (Bland 1977). Floats first exclude constraints that hold by more than any
-        rounding.
+        It is the most violated one, or with ``by_index`` the first one, by which the method cannot
+        cycle (Bland 1977). Constraints that floats show to hold are not computed exactly.
         """
         g, unit = self.point()
         most = 10**300 * unit

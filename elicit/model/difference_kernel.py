@@ -86,8 +86,9 @@ def by_range(least: float, greatest: float) -> int:
 class PairTable(NamedTuple):
     """A table of answers, to be looked up by pair.
 
-    ``marks`` (n,) are sorted keys, and ``rows`` (n,) the answers they belong to. The other arrays
-    are in the order of the answers, perhaps with unused places at their end.
+    ``marks`` (n,) are sorted keys (see ``mark_of``), and ``rows`` (n,) say to which answers they
+    belong. The other arrays are in the order of the answers, perhaps with unused places at their
+    end.
     """
 
     marks: Floats
@@ -168,9 +169,9 @@ def find_all(t: Any, table: PairTable, rows: Any, ways: Any) -> None:
 
 @compiled
 def way_round(t: Any) -> int:
-    """Return the orientation, 1 or -1, of tail sums t (p,) (see ``pairs.ways_round``).
+    """Return an orientation of a pair with tail sums t (p,): 1 or -1, and 0 for equal vectors.
 
-    It is 0 if the two vectors are the same.
+    A pair and the same pair flipped have opposite orientations (``pairs.ways_round``).
     """
     mark = mark_of(t)
     return 1 if mark > 0.0 else -1 if mark < 0.0 else 0

@@ -594,7 +594,7 @@ def _marked(entries: list[Entry], id: Any, used: bool, told: Mapping[str, Any]) 
 def check_person(log: AnswerLog, who: str | None) -> None:
     """Raise BadLog if a log holds answers of another person than ``who``. None allows anybody.
 
-    Answers that name nobody, and withdrawn ones, do not matter.
+    Answers that name nobody, and answers that were withdrawn, are ignored.
     """
     if who is None:
         return

@@ -29,10 +29,10 @@ _PURPOSE = name_code("errors of a simulated tutor")
 
 
 class _Simulated:
-    """Base class of simulated tutors: hidden scale, exact truth about a pair, errors, and counts.
+    """Base class of simulated tutors, with a hidden scale, exact truth, errors, and counts.
 
-    For each asking of a pair, an erring tutor draws a number in [0, 1). Below the error probability
-    it errs.
+    For each time that a pair is asked, an erring tutor draws a number in [0, 1). The answer is
+    wrong if the number is below the error probability.
     """
 
     _kind = kernel.TRUTHFUL

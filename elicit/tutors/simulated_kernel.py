@@ -146,9 +146,9 @@ def respond(t: Any, tutor: Respondent) -> int:
 
 @compiled
 def respond_all(t: Any, first: int, answers: Any, tutor: Respondent) -> int:
-    """Write answers (n,) on pairs with tail sums t (n, p), from row ``first`` on.
+    """Write the tutor's answers (n,) on pairs with tail sums t (n, p), beginning at row ``first``.
 
-    Return the first row that is LEFT_OPEN (see ``respond``), or n.
+    It stops at the first row that ``respond`` leaves LEFT_OPEN. Return that row, or n.
     """
     for i in range(first, len(t)):
         said = respond(t[i], tutor)

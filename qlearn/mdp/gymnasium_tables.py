@@ -152,9 +152,9 @@ def _arrays(
     arrival: dict[float, int],
     after: int,
 ) -> dict[str, Any]:
-    """Return the arrays of the MDP over these nodes.
+    """Return the arrays of an MDP whose states are ``nodes``: pairs of a state and a level.
 
-    ``after`` is the level of the time after the end.
+    ``after`` is the level of the time after the end of an episode.
     """
     number = {node: i for i, node in enumerate(nodes)}
     end = len(nodes) - 1 if nodes[-1][0] == _END else None

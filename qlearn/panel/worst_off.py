@@ -238,13 +238,14 @@ def _bounds(
 ) -> _Proven:
     """Return upper bounds on a policy's loss to each member, and on its excess.
 
-    As in ``certificates.loss_bound``, advantages are bounded, and the most that a policy can
-    collect of these bounds is at least the loss.
+    The loss is bounded as in ``certificates.loss_bound``: by the most that a policy can collect of
+    bounds on the advantages.
 
-    The excess is the greatest loss minus the least that any policy could have. Let w be weights of
-    total 1. The greatest loss of any policy is at least the w-mean of its losses. That mean is
-    below this policy's by at most what can be collected of the w-mean of the bounds. And this
-    policy's loss to a member is at least its distance from the member's best policy.
+    The excess is the policy's greatest loss, minus the least greatest loss of any policy. Let w be
+    weights of total 1. Any policy's greatest loss is at least the w-mean of its losses. That mean
+    is at most so much below this policy's as can be collected of the w-mean of the bounds. So the
+    excess is at most this policy's greatest loss, minus the w-mean of lower bounds on its losses,
+    plus what can be collected.
     """
     states = np.flatnonzero(~mdp.terminal)
     v = evaluate_policy(mdp, chances)

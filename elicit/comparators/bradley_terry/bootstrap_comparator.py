@@ -260,9 +260,8 @@ class BradleyTerryComparator:
     def confidence(self) -> float:
         """Confidence of guarantees that depend on the fits: ``level``, or nan.
 
-        It is nan once the tutor has called something equal, if ``tie`` is above 0. All resamples
-        then hold the same answers "equal". So the fits do not show the uncertainty that these
-        answers leave.
+        It is nan if ``tie`` is above 0 and the tutor has called something equal. Such answers are
+        the same in all resamples, so the fits do not show how uncertain the tie is.
         """
         return math.nan if self.tie > 0 and (self.answers.y == 0).any() else self.level
 
@@ -469,7 +468,10 @@ def next_refit(n: int, growth: float) -> int:
 
 @lru_cache(maxsize=64)
 def _refits(growth: float, beyond: int) -> tuple[int, ...]:
-    """Return numbers of answers at which fits are made, once steps exceed 1, up to ``beyond``."""
+    """Return the numbers of answers at which fits are made, as far as ``beyond``.
+
+    The first is the one from which on steps may exceed 1.
+    """
     points = [max(1, int(1 / growth))]
     while points[-1] <= beyond:
         points.append(points[-1] + max(1, math.ceil(points[-1] * growth)))

@@ -54,8 +54,8 @@ def move(
     def density_and_taken(proposed: Floats, room: Floats) -> tuple[Floats, Any]:
         """Return the log densities of particles (q, size), and whether they exceed ``room`` (q,).
 
-        What is compared with ``room`` is the likelihood's part: ``room`` less the prior's log
-        density is its limit.
+        The likelihood is computed only as long as it can exceed ``room`` less the log prior
+        density.
         """
         density, theta = log_prior(proposed.T, p, prior)
         lapse, width = _slips(proposed.T, theta, prior)

@@ -264,10 +264,10 @@ class PlausibleSet:
         return bool(((self.region.rows == row).all(axis=1) & (self.region.rhs == limit)).any())
 
     def _solve(self, d: Floats) -> tuple[Verdict, Tier]:
-        """Return a difference's verdict and tier, by the signs of least and greatest d.e.
+        """Return a difference's verdict and tier, from the signs of its least and greatest d.e.
 
-        These are the two programs of the paper's section 3.1. A program is not solved if a known
-        point already shows the sign of its optimum.
+        The two linear programs are those of the paper's section 3.1. If a known point already shows
+        the sign of an optimum, that program is not solved.
         """
         t = np.ascontiguousarray(tail_sums(d))
         size, _ = to_order_one(t)
