@@ -23,7 +23,7 @@ def main() -> None:
     already.
     """
     jobs, begun = min(len(ALL), cores()), monotonic()
-    jit.first_on_this_machine()  # so that the processes leave it to this one to say what they do
+    jit.first_on_this_machine()  # then only this process reports compiling
     print(
         f"qlearn: compiling with {jobs} processes, some two minutes of computing ...",
         file=sys.stderr,

@@ -33,9 +33,9 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 _settings: Any = config
 _unliteral: Any = types.unliteral
-# CPU seconds that a function and what it calls are interpreted before they are compiled. What a
-# first run costs is nearly the same with 5 and with a guess from the length of each function's
-# bytecode. With 2, README's example compiles what it hardly needs (24 s in place of 4).
+# CPU seconds for which a function, with those it calls, is interpreted before it is compiled. A
+# first run takes nearly the same time with 5 and with a guess from the length of each function's
+# bytecode. With 2, README's example compiles functions it hardly needs (24 s in place of 4).
 _PATIENCE = 5.0
 
 
@@ -267,7 +267,7 @@ vars(_MATH).update(
 class _Here(local):
     """The state of this thread: whether a call may only use code that is on the disk."""
 
-    only_kept = False  # what is not on the disk is not to be compiled
+    only_kept = False  # code that is not on the disk must not be compiled
 
 
 _here = _Here()

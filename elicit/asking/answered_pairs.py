@@ -41,7 +41,7 @@ class AnsweredPairs:
         new.table = self.table._replace(
             said=self.table.said.copy(), binding=self.table.binding.copy()
         )
-        return new  # rows behind the last are free, and whoever adds one overwrites them
+        return new  # rows behind the last are free: adding one overwrites them
 
     @property
     def any_binding(self) -> bool:

@@ -27,7 +27,7 @@ from elicit.model.difference import as_vectors, tail_sums
 from elicit.model.scale import Floats
 from elicit.tutors.erring_tutor import says_left
 
-_LEAST = 1e-3  # bits: what tells less is no question
+_LEAST = 1e-3  # bits: a question that tells less is not asked
 MOST_QUESTIONS = 200_000
 """Largest number of bags to weigh: under a thousand scales so many already fill gigabytes."""
 
@@ -155,7 +155,7 @@ def information(chance: Floats, events: NDArray[np.bool_], weights: Floats) -> F
     events.
     """
     prior = product(events, weights)
-    some = (prior > 0) & (prior < 1 - 1e-12)  # what is sure tells nothing
+    some = (prior > 0) & (prior < 1 - 1e-12)  # a certain event tells nothing
     if not some.any():
         return np.zeros(len(chance))
     true, mass = events[some] * weights, prior[some]

@@ -26,9 +26,7 @@ from elicit.model.outcomes import Status
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, dot
 
-_CONTENDERS = (
-    8  # best of: a question is about two of so many; more saves none and costs bounds of more pairs
-)
+_CONTENDERS = 8  # a question is about two of the best ones, this many; more save none and cost time
 _Indices = NDArray[np.intp]
 _Plan = tuple[
     list[int], int, _Indices

@@ -20,7 +20,7 @@ from elicit.model.difference import tail_sums
 from elicit.model.needs import Needs
 from elicit.model.scale import Floats
 
-# A cut is worth asking if it promises so many times what the other question does. Benchmarks on
+# A cut is worth asking if it promises this many times as much as the other question. Benchmarks on
 # families of problems and random MDPs: with 1 it took questions more on most families.
 _TIMES = 2.0
 _WAYS = 12  # directions, from the middle towards where differences are open
@@ -30,9 +30,9 @@ _SHARES = (
     0.5,
     0.7,
     0.85,
-)  # of what is plausible that a cut leaves where the answer is the likely one
-_FLAT = 1e-9  # of the longest: directions shorter than that have no room
-_GRAINS = 2.0**30  # of which a mixture of a cut is made
+)  # shares of the plausible scales that a cut leaves after the likelier answer
+_FLAT = 1e-9  # share of the longest direction: shorter ones have no room
+_GRAINS = 2.0**30  # grains that a mixture of a cut consists of
 
 
 CUTTING = Needs(required=("simultaneous_bounds", "draws"), used=("bounds_after",))

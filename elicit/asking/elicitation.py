@@ -612,7 +612,7 @@ class Elicitation:
 
     def _keep(self, told: Answers) -> None:
         """Note answers as final for their pairs, where enough answers agree."""
-        if self._several:  # of which one cannot say what the others would
+        if self._several:  # one person cannot say what the others would
             return
         for i, y in enumerate(told.y.tolist()):
             if self._enough_agree(told[: i + 1], told.d[i], y):

@@ -152,7 +152,7 @@ class Query:
     labels: tuple[str, ...] | None = None
     who: str | None = None
 
-    if TYPE_CHECKING:  # what may be given; the dataclass writes it
+    if TYPE_CHECKING:  # the types of arguments; the dataclass writes the method
 
         def __init__(
             self,

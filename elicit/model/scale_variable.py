@@ -179,7 +179,7 @@ def _coefficients(
             .astype(np.float64)
         )
 
-    with np.errstate(all="ignore"):  # the caller looks for what overflowed
+    with np.errstate(all="ignore"):  # the caller looks for numbers that overflowed
         each = [
             (value(_FAR * unit) - value(-_FAR * unit)) / (2.0 * _FAR) + 0.0 for unit in np.eye(k)
         ]

@@ -190,7 +190,7 @@ class Beside(Closing):
         self._background = Background(company.turns)
         self._beside: _Computed | None = None
         self._prospects: Prospects | None = None
-        self._pace = Pace()  # then: whoever does not hold the lock may not read the log
+        self._pace = Pace()  # then: without the lock the log must not be read
         self._weighed: Consequences[Supposed] | None = None
         self._since: list[Verdict | None] = []  # verdicts since then
         self._conduct = Conduct.of(())  # before this question

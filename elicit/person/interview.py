@@ -143,7 +143,7 @@ from elicit.tutors.log_file import BadLog
 _MORE_AFTER_CAUTION = 10  # answers until a caution that the person passed over is said again
 _LONGEST_NAME = 80
 _ONLY_READ = ("answers", "report", "download")
-# these read what a thread computes, so neither waits for the other
+# these read a thread's results, so neither waits for the other
 _READ_AT_ONCE = ("outlook", "prospects", "consequences")
 
 
@@ -221,7 +221,7 @@ class Interview(Closing):
         """The question of the last screen, for hosts that draw it themselves; None if it has
         none.
         """
-        # whoever resumes without an answer sees the welcome, and chooses anew
+        # a person who resumes without an answer sees the welcome, and chooses again
         self._chosen = Choices.of(session.log.asked) if self._started else Choices()
         self._kept = replace(self._chosen)  # as the log has them
         self._questions = NextQuestion(session, subject, self._chosen)

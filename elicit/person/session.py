@@ -135,7 +135,7 @@ class Session(Closing):
         the answer a new asker is made, which knows the answer."""
         self.choose_extra: Callable[[], Query | None] | None = None
         """Chooses a question once the asker has none, if the session can make askers."""
-        # a comparator that takes all for true, what it was offered, and the answers that it took
+        # a comparator that takes all answers as true, those it was offered, and those it took
         self._consistent: tuple[PolytopeComparator, list[Any], list[Entry]] | None = None
         self.audits = audit is None or audit > 0
         """False if the session was told to put no question again."""
@@ -406,7 +406,7 @@ class Session(Closing):
         said = {**self._now(), **metadata}
         standing = {entry.answer.query.id: entry for entry in self.log if entry.stands}
         for other, entry in standing.items() if id in standing else ():
-            if entry.repeat and entry.metadata.get(REPEATS) == id:  # it checks what is no more
+            if entry.repeat and entry.metadata.get(REPEATS) == id:  # its first answer is gone
                 self._replayed.withdraw(other, said)
         self._replayed.withdraw(id, said)
         self._put_at.clear()

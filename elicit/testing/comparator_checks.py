@@ -364,7 +364,7 @@ def _check_bounds_after(comparator: Comparator, d: Floats) -> None:
             tight = simultaneous_bounds(told, d)[0]
             # an estimate serves to choose questions, and may be a little off
             room = 1e-6 * np.abs(d).sum(axis=1)
-            # what is not found is inf
+            # a bound that is not found is inf
             wrong = (found[i, part] < tight - room) & (tight > enough + room)
             wrong |= np.isfinite(found[i, part]) & (
                 found[i, part] > np.maximum(tight, enough) + room

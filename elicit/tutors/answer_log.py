@@ -177,9 +177,7 @@ class AnswerLog(Closing):
         self._doing: _Doing | None = None
         if self._path is None:
             return
-        self._file = LogFile(
-            self._path
-        )  # what cannot be written must show before the first question
+        self._file = LogFile(self._path)  # an unwritable file must show before the first question
         try:
             self._load(self._path, self._file.content, None)
             check_person(self, who)

@@ -97,7 +97,7 @@ def parse(data: bytes, path: Path) -> Lines:
             last
         )  # never acknowledged as written: the next append takes it out of the file
     elif last:
-        lines.append(last)  # whole but for its end: the line feed is what the crash took
+        lines.append(last)  # whole, except that the crash took its line feed
         found.joint = b"\n"
     if not lines:
         return found
@@ -282,8 +282,8 @@ class LogFile:
             os.fsync(self._file.fileno())
             self._size = self._kept = self._kept + len(data)
         except BaseException:
-            # half a line in the middle would spoil the file for good; what cannot be taken out now
-            # goes next time
+            # half a line in the middle would spoil the file for good; if it cannot be removed now,
+            # the next append removes it
             with suppress(OSError):
                 self._file.truncate(self._kept)
             self._size = os.fstat(self._file.fileno()).st_size

@@ -21,7 +21,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         try:
             code = int(options.pop("command")(**options))
             sys.stdout.flush()
-        except BrokenPipeError:  # whoever reads, such as head, has read enough
+        except BrokenPipeError:  # the reader, such as head, has read enough
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 1
         return code

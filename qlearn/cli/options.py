@@ -204,7 +204,7 @@ def _progress_bar(name: str) -> tuple[Any, Callable[[int, int], None]]:
     bar = tqdm(desc=name, unit="run", disable=None)
 
     def show(done: int, total: int) -> None:
-        if bar.total is None:  # the start: what is read back says nothing about the speed
+        if bar.total is None:  # the start: rows read back say nothing about the speed
             bar.total, bar.initial, bar.n = total, done, done
             bar.refresh()
             if done:

@@ -291,7 +291,7 @@ def _choice(
     content = json.dumps([labels, names, vectors.tolist()]).encode()
     header = _header(labels, hashlib.blake2b(content, digest_size=16).hexdigest(), words)
 
-    # a tie, a loss and what may be rounded are shares of the value range
+    # a tie, a loss and a rounding error are shares of the value range
     shares = vectors / float(f"{vectors[0].sum():.12g}")
 
     comparator_now = _comparator_maker(comparator, labels, seed, like)

@@ -38,7 +38,7 @@ _WIDEST = 100
 _MOST_CHANGES = 12  # lines of a table
 _BAR = 40  # columns of an interval, at most
 _LEAST_BAR = 10
-_PATIENCE = 5.0  # seconds that a person waits for what the choices of a conflict would leave
+_PATIENCE = 5.0  # seconds that a person waits for the results of the choices in a conflict
 _LOOK = 0.05  # seconds between two looks at it
 
 

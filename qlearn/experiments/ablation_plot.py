@@ -27,7 +27,7 @@ _NONE = "none"  # the row of the table for the policy of equal gaps, which asks 
 _LINES, _INCHES_A_LINE = (
     5,
     0.21,
-)  # the lines of a legend that the figure's height allows for, and what one more takes
+)  # lines of a legend that the figure's height allows for; the height of one more
 _ASKED = "questions asked\n(log scale)"
 _LOST = "policy loss, %\n(log scale beyond 0.1)"
 LEGEND = """\
@@ -268,7 +268,7 @@ def _paths(
             ):
                 line.set_in_layout(
                     False
-                )  # not clipped, for 0 lies on the edge; but what is not clipped takes room
+                )  # not clipped, because 0 lies on the edge, and so taking room
 
 
 def _scales(asked: Axes, lost: Axes, max_queries: int | None) -> None:

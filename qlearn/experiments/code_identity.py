@@ -22,7 +22,7 @@ from typing import Any
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 _PLAIN = (type(None), bool, int, float, complex, str, bytes, type(...))
-_OURS = ("elicit", "qlearn")  # what of them a run depends on is hashed as a whole
+_OURS = ("elicit", "qlearn")  # their sources are hashed as a whole
 _INSTALLED = [
     Path(sysconfig.get_path(name)).resolve()
     for name in ("stdlib", "platstdlib", "purelib", "platlib")
@@ -152,7 +152,7 @@ def _parts(thing: Any) -> list[Any] | None:
             return None
 
 
-_OF_EVERY_CLASS = {  # what Python keeps in a class beside what its author wrote
+_OF_EVERY_CLASS = {  # members that Python adds to the author's
     "__dict__", "__weakref__", "__doc__", "__firstlineno__", "__static_attributes__",
     "__annotations__",
     "__annotations_cache__", "__annotate_func__", "__dataclass_fields__", "__dataclass_params__",

@@ -198,7 +198,7 @@ def _computed(
         parent = None
         if isinstance(backend, LokyBackend):
             parent = os.getpid()
-            # for numba and what a library starts before it can be told: set where the process
+            # for numba, and for threads that a library starts early: set where the process
             # begins
             stack.enter_context(
                 joblib.parallel_config("loky", n_jobs=jobs, inner_max_num_threads=1)

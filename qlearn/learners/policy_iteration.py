@@ -308,7 +308,7 @@ class InteractivePolicyIteration(Learner):
                 (product(tail_sums(advantages.d), draws_of(comparator).gaps) > least).any(axis=1)
             )
             rows = rows[self._elicitation.may_ask(advantages.d[rows], lambda i: places(rows[i]))]
-        if self._magnify:  # the multiple is what was asked, and a multiple counts as another pair
+        if self._magnify:  # the multiple was asked, and a multiple counts as another pair
             asked = advantages.d[rows] * np.reshape(self._times(advantages, rows), (-1, 1))
             rows = rows[self._elicitation.may_ask(asked, lambda i: places(rows[i]))]
         return rows

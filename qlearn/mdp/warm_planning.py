@@ -26,13 +26,11 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import Actions, valued
 
 _LOOK = 4  # sweeps between two measurements of their pace
-_WORTH = 40  # a linear system takes about as long as so many sweeps
+_WORTH = 40  # a linear system takes about as long as this many sweeps
 _ROUNDS = 200  # largest number of policies
 _ROUNDING = 1e-14  # sweeps need not get below this width
 _COARSE = 4e-6  # single precision sweeps shares to this width, forty times its rounding
-_LARGE = (
-    4_000_000  # from so many products in a sweep on, single precision is worth a copy of the chain
-)
+_LARGE = 4_000_000  # with more products in a sweep, single precision is worth a copy of the chain
 _MOST_COARSE = 30  # largest number of sweeps in single precision
 _AT_ONCE = 1 << 14  # states whose changes are in memory at the same time
 _FINEST = 1e-8  # values that choose questions are swept no further than to this width

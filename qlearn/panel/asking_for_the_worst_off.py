@@ -29,7 +29,7 @@ from qlearn.mdp.planning import evaluate_policy
 from qlearn.panel.following import check_panel
 from qlearn.panel.worst_off import WorstOff, WorstOffPolicy, worst_off
 
-_LOOKED_AT = 40  # differences a member and round, of which the widest is asked about
+_LOOKED_AT = 40  # differences for each member and round; the widest is asked about
 
 
 @dataclass(frozen=True, eq=False, repr=False)

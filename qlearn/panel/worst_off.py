@@ -204,7 +204,7 @@ def _least_greatest_loss(mdp: OrdinalMDP, scales: Floats) -> tuple[Floats, Float
     chances = np.zeros(mdp.levels.shape)
     chances.flat[columns] = np.where(found.x[:-1] > _LEAST, found.x[:-1], 0.0)
     total = chances.sum(axis=1, keepdims=True)
-    unvisited = total[:, 0] == 0  # what is done there matters to nobody who starts as told
+    unvisited = total[:, 0] == 0  # actions there do not matter from the initial distribution
     policy = value_iteration(mdp, scales.mean(axis=0))[1]
     chances[unvisited] = np.eye(m)[policy[unvisited]]
     weights = np.maximum(-np.asarray(found.ineqlin.marginals), 0.0)
@@ -226,7 +226,7 @@ class _Proven(NamedTuple):
     place: NDArray[np.int64]
     action: NDArray[np.int64]
     high: Floats  # (n, advantages), each member's upper bounds
-    gained: Floats  # (n, k), what each member's best policy has more than this one at the start
+    gained: Floats  # (n, k), each member's best policy minus this one, at the start
 
 
 def _bounds(

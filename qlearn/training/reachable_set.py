@@ -25,8 +25,8 @@ MOST_CORNERS = 4_000
 it still hold.
 """
 
-_ON = 1e-9  # a point this near to a facet is on it, for sizes of about 1
-_SAME = 10  # vertices that agree to so many decimals are the same
+_ON = 1e-9  # a point this near to an inequality's limit is on it, for sizes of about 1
+_SAME = 10  # vertices that agree to this many decimals are the same
 
 
 @dataclass(frozen=True, eq=False)

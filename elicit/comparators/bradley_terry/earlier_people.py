@@ -339,5 +339,5 @@ def answers_of_each(people: Logs, k: int) -> list[Answers]:
                 f"{', '.join(map(repr, whose))}: give those of each (Answers.of_person)"
             )
         found.append(answers)
-    # what is learned must depend neither on the order of people nor on their names
+    # the result must depend neither on the order of people nor on their names
     return sorted(found, key=lambda one: (one.d.tobytes(), one.y.tobytes()))

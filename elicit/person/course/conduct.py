@@ -37,10 +37,10 @@ _SHARE_TAKEN_BACK = 1 / 4  # of those given. In 50 sessions with 10% or 15% erro
 _AS_TAKEN_BACK = 2
 _FEW = 3  # answers of one kind that are worth a remark at the end
 _SIDE_AT_END = 8
-_DIFFERED = 2  # checks answered otherwise that are worth a remark
-_BY_CHANCE = 0.5  # share of the checks that answers by chance answer otherwise, at least
-_BY_SLIPS = 0.15  # share that somebody answers otherwise who means the answers
-_LIKELIER = 2.0  # so many times likelier by chance is said
+_DIFFERED = 2  # checks answered differently that are worth a remark
+_BY_CHANCE = 0.5  # least share of checks that answers by chance answer differently
+_BY_SLIPS = 0.15  # share that a person who means the answers answers differently
+_LIKELIER = 2.0  # "by chance" must be this many times likelier to be said
 LEAST_CHECKS = 5
 """Checks before the end. Answers by chance pass this many in at most 1 of 32 cases."""
 MOST_CHECKS = 11

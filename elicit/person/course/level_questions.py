@@ -19,8 +19,8 @@ from elicit.person.course.conduct import ORDER
 LEVEL = "level/"
 """Start of the id of a question about a level."""
 _NARROW = 0.02  # width of an interval, from 0 (worst) to 1 (best), that is not worth a question
-_APART = 0.05  # difference, of the same scale, that a question about what is known has at least
-_GRID = 1e-6  # on which widths are compared, so that no rounding decides
+_APART = 0.05  # least difference, on that scale, of a question whose answer is known
+_GRID = 1e-6  # grid for comparing widths, so that no rounding decides
 
 
 class _LevelPair(NamedTuple):

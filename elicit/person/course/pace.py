@@ -16,7 +16,7 @@ FEW_HASTY = 3
 """Answers in under a second that are worth a remark."""
 _HASTY_SHARE = 0.2  # share of them that is worth a remark at the end
 _KNOWN_AFTER = 3  # answers
-_BREAK = 300.0  # seconds: whoever takes longer was away, and the rest does not count
+_BREAK = 300.0  # seconds: a person who takes longer was away, and the rest does not count
 
 
 @dataclass(frozen=True)

@@ -77,7 +77,7 @@ class PageServer(Closing):
             ws="none",
             lifespan="off",
             log_config=None,
-            log_level="critical",  # below it says what is wrong with what strangers send
+            log_level="critical",  # lower levels report errors in strangers' requests
             access_log=False,
             proxy_headers=False,
             server_header=False,

@@ -246,7 +246,7 @@ class _Guarded:
             )
         origins, site = request.headers.getlist("origin"), request.headers.get("sec-fetch-site")
         to_read = request.method in ("GET", "HEAD")
-        # followed from elsewhere, or typed; SameSite=Strict says what it may see
+        # a link followed from elsewhere, or typed; SameSite=Strict limits what it sees
         visit = (
             to_read
             and request.scope["path"] == "/"

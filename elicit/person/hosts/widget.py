@@ -109,7 +109,7 @@ class InterviewWidget(AnyWidget):  # type: ignore[misc, unused-ignore]  # ipywid
         except (
             ValueError,
             OSError,
-        ) as error:  # what a session or its log raises: the same may be sent again
+        ) as error:  # a session's or log's error: the message may be sent again
             said = {"error": in_words(error)}
         except Exception as error:
             self.send({"id": content["id"], "error": f"{type(error).__name__}: {error}"})

@@ -227,7 +227,7 @@ class PairDecider:
         """
         tutor = None if self.tutor is None else self.tutor.respondent
         if tutor is None or tutor.kind != TRUTHFUL:
-            return None  # a tutor who errs would err anew when asked again as usual
+            return None  # an erring tutor might answer differently when asked again as usual
         said = respond(np.ascontiguousarray(tail_sums(left - right)), tutor)
         if said == LEFT_OPEN:
             return None
@@ -356,7 +356,7 @@ def put(q: Any, s: int, a: int, b: int, t: Any, deciding: DecidingArrays) -> tup
     if verdict == LEFT_OPEN:
         return UNKNOWN, BY_TUTOR
     record(q, s, a, b, t, verdict, told)
-    if verdict == EQUAL:  # this answer is binding, so that the rule to ask by must be made anew
+    if verdict == EQUAL:  # this answer is binding: the rule must be made again
         told.fill[ROOM] = told.fill[USED]
     return verdict, BY_TUTOR
 
