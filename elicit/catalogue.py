@@ -239,7 +239,7 @@ LOOKS: Mapping[str, Mapping[str, Any]] = {
 }
 """The look of ways of asking and of learners in pictures, by their label."""
 ALWAYS = "always"
-"""The name of the comparator that learns nothing; with a truthful tutor it is the oracle."""
+"""The name of the comparator that learns nothing. With a truthful tutor it is the oracle."""
 
 STYLES: dict[str, dict[str, Any]] = {name: entry.look for name, entry in COMPARATORS.items()}
 """The colour, marker and line of each comparator, by the name that ``qlearn ablate`` gives it."""

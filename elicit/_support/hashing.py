@@ -54,7 +54,7 @@ def uniform(h: Any) -> Any:
 
 
 mix = compiled(_round)
-"""One round of ``fold``: the hash of (h, counter), both unsigned 64-bit numbers."""
+"""A single round of ``fold``: the hash of (h, counter), both unsigned 64-bit numbers."""
 unit = compiled(uniform)
 """``uniform`` of one hash."""
 

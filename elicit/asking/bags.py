@@ -29,7 +29,8 @@ from elicit.tutors.erring_tutor import says_left
 
 _LEAST = 1e-3  # bits: a question that tells less is not asked
 MOST_QUESTIONS = 200_000
-"""Largest number of bags to weigh: under a thousand scales so many already fill gigabytes."""
+"""Largest number of bag questions to weigh. With a thousand scales, this many already fill
+gigabytes."""
 
 
 class BagQuestions(NamedTuple):

@@ -36,7 +36,7 @@ _GRAINS = 2.0**30  # grains that a mixture of a cut consists of
 
 
 CUTTING = Needs(required=("simultaneous_bounds", "draws"), used=("bounds_after",))
-"""Optional parts of a comparator that cuts are chosen by."""
+"""The optional parts of a comparator by which cuts are chosen."""
 
 
 @one_thread

@@ -20,12 +20,12 @@ MAGNIFIED: Final[Literal["magnified"]] = "magnified"
 AS_THEY_ARE: Final[Literal["as they are"]] = "as they are"
 
 _SLACK = 1e-9
-"""A share of the total by which a multiple may exceed the room for it: sums are rounded, and
-the choice of the power of two must not depend on that."""
+"""The share of the total by which a multiple may exceed the room for it. Sums are rounded, and the
+choice of the power of two must not depend on rounding."""
 
 _MOST = 2.0**20
-"""The greatest multiple: it enlarges the rounding of shares, about 1e-16, to 1e-10 at most, so that
-a magnified pair is still found by its value."""
+"""The greatest multiple. It enlarges the rounding of shares, about 1e-16, to at most 1e-10, so that
+a magnified pair is still recognised."""
 
 
 def multiples(left: Floats, right: Floats) -> Floats:

@@ -12,8 +12,8 @@ from elicit.model.query import Answer, Verdict
 from elicit.model.scale import Floats
 
 _IN_A_ROW = 5
-"""Answers "equal" to pairs that are certainly no farther apart than ``ALLOWANCE`` ties: then such
-pairs are asked about no more. With one tie in place of two, value iteration asked such tutors three
+"""After this many answers "equal" in a row, no more pairs that are certainly no farther apart than
+``ALLOWANCE`` ties are asked. With one tie in place of two, value iteration asked such tutors three
 times as much as sharp ones (docs/about-equal.md)."""
 
 

@@ -14,7 +14,8 @@ EarlierAnswers: TypeAlias = Answers | Iterable[Answer | Entry]
 """Earlier answers: Answers, an AnswerLog, or a list of Answer."""
 
 MAX_AUDITS = 50
-"""Default limit on the number of audits: enough to tell a tenth of wrong answers from none."""
+"""Default limit on the number of audits: enough to tell a tutor with a tenth of wrong answers from
+one without."""
 
 
 class AskingOptions(TypedDict, total=False):

@@ -9,10 +9,9 @@ from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
 
 Place: TypeAlias = tuple[Hashable, ...]
-"""Names of where a pair is compared, such as a state and two of its actions.
-
-Its vectors may still change a little there. One name is the sentence that asks about the pair, for
-a log keeps it. Another is the same sentence with left and right exchanged."""
+"""The place where a pair is compared, such as a state and two of its actions. The pair's vectors
+may still change a little there. A place has several names. One is the sentence that asks about the
+pair, because a log keeps it. Another is the same sentence with left and right exchanged."""
 
 
 class Pair(NamedTuple):

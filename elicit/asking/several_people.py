@@ -17,7 +17,8 @@ from elicit.model.query import Verdict
 from elicit.model.scale import Floats
 
 _GUESS_GRID = 2.0**40
-"""Differences of best guesses below its inverse are equal: rounding alone makes such."""
+"""Best guesses that differ by less than the inverse of this count as equal, because rounding alone
+makes such differences."""
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ _COARSE = 6  # digits to which scores are compared
 FromPeople: TypeAlias = (
     Panel | Answers | Sequence[AnswerLog] | Mapping[str, AnswerLog] | Mapping[str, Answers]
 )
-"""A panel, answers that say who gave them, or logs: each of one person, or by name."""
+"""A panel, answers that say who gave them, or logs: a log for each person, perhaps by name."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -212,10 +212,8 @@ def cycles(graph: nx.DiGraph) -> list[Cycle]:
 
 _Nodes: TypeAlias = tuple[int, ...]
 _Said: TypeAlias = tuple[int, int, str]
-"""Relation that one or more answers state between two nodes.
-
-It is better, worse, and "better"; or both in order, and "equal".
-"""
+"""A relation between two nodes that answers state: (better node, worse node, "better"), or (the two
+nodes in order, "equal")."""
 
 
 def _steps(graph: nx.DiGraph, path: Iterable[int]) -> tuple[Step, ...]:

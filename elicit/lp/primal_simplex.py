@@ -17,9 +17,9 @@ from elicit.model.difference_kernel import largest
 from elicit.model.scale import Floats
 
 CERTAIN_POINT, VERTEX, DOUBTFUL_VERTEX = 0, 1, 2
-"""Use of a known vertex: its point alone, its point and its basis, or its basis alone. A later cut
-may have removed the vertex itself, and left the point beside it. So a basis is a place to start
-from, and proves nothing."""
+"""The three uses of a known vertex: its point alone, its point and its basis, or its basis alone. A
+later cut may have removed the vertex itself, and left the point beside it. So a basis is a place to
+start from, and proves nothing."""
 USED, SLOT, ROW = (
     0,
     1,

@@ -16,9 +16,8 @@ from elicit.model.query import Answers
 from elicit.model.scale import Floats
 
 TIE_BAND = 1e-9
-"""An answer "equal" means |d.e| <= tie, or <= TIE_BAND |d|_1 where that is wider (as it is where
-the tie is 0).
-"""
+"""An answer "equal" means |d.e| <= tie, or <= TIE_BAND |d|_1 if that is wider, as it is if the tie
+is 0."""
 
 
 @dataclass(frozen=True, eq=False)

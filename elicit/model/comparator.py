@@ -38,17 +38,16 @@ TIE = 0.01
 """Default of the largest |d.e| that a tutor may call equal, as a share of the value range."""
 
 ALLOWANCE = 2.0
-"""Guarantees hold also where the tutor calls equal what is up to so many ties apart: people do not
-know their own.
-"""
+"""Guarantees hold even if the tutor calls equal two things up to this many ties apart, because
+people do not know their own tie."""
 
 BY_ANSWERS = (Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT, Tier.MODEL)
 """The tiers that depend on the tutor's answers."""
 
 
 WRONG_ODDS = 0.1
-"""Odds of a wrong answer against a right one, by which questions are chosen where some answers may
-be wrong. No proof depends on them: benchmarks/RESULTS-wrong.md has tutors of several kinds."""
+"""Odds of a wrong answer against a right one, by which questions are chosen if some answers may be
+wrong. No proof depends on them: benchmarks/RESULTS-wrong.md has tutors of several kinds."""
 
 
 _MEMBERS = ("k", "values", "bounds", "compare", "update")

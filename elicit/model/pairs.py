@@ -18,7 +18,7 @@ from elicit.model.difference import tail_sums
 from elicit.model.scale import Floats
 
 GRID = 2.0**30
-"""Grains to a unit, of which names are made."""
+"""A hash names a number by how many of its unit's grains, 2^-30, it has."""
 
 NEAR = 1e-9
 """Tail sums of the same pair differ by at most this: an absolute number up to size 1, and relative
@@ -29,8 +29,8 @@ SHARE = 1e-3
 """Tail sums of the same pair differ by at most this share of their size, however small they are."""
 
 OFFSET = 0.7321
-"""Sizes are compared with powers of two only after this factor: round numbers, which rounding may
-push over a limit, are not near one then."""
+"""Sizes are multiplied by this before they are compared with powers of two. Otherwise rounding
+could push round numbers over a limit."""
 
 
 def nearness(t: Floats) -> Floats:

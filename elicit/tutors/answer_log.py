@@ -46,27 +46,22 @@ from elicit.tutors.log_file import (
 T = TypeVar("T")
 
 WHO = "who"
-"""The field of an answer's line that names the person who gave it, and that of a log's header if
-all answers are one person's.
-"""
+"""The field of an answer's line that names the person who gave it. In a log's header it names the
+person who gave all answers."""
 
 _FIELDS = ("id", "left", "right", "verdict", "swapped", "about", "used")
 EXPECTED = "expected"
-"""The metadata of an audit's answer: the verdict that the other answers imply; of a repeat's: the
-first answer's.
-"""
+"""The metadata field, of an audit's answer, that holds the verdict implied by the other answers; of
+a repeat's answer, the first answer's verdict."""
 REPEATS = "repeats"
-"""The metadata of an answer to a question that was put again: the id of the first. Comparators do
-not learn from it.
-"""
+"""The metadata field of an answer to a repeated question that holds the id of the first.
+Comparators do not learn such answers."""
 RESOLVED = "resolved"
-"""The metadata of a withdrawal by which the person settled two answers that differ: the verdict, or
-None for "cannot tell", that stands in their place.
-"""
+"""The metadata field of a withdrawal by which the person settled two answers that differ. It holds
+the verdict that replaces both, or None for "cannot tell"."""
 CONTRADICTS = "contradicts"
-"""The metadata of an answer that was marked unused for what it contradicts: the ids of those
-answers.
-"""
+"""The metadata field of an answer marked as unused that holds the ids of the answers it
+contradicts."""
 
 
 @dataclass(frozen=True)

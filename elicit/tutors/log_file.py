@@ -230,7 +230,7 @@ class LogFile:
         self._path = path
         self._file: BinaryIO = open(path, "a+b", buffering=0, opener=_open_private)  # noqa: SIM115
         self.close = weakref.finalize(self, self._file.close)
-        """Give the file and its lock free."""
+        """Close the file, and release its lock."""
         try:
             check_regular(path, os.fstat(self._file.fileno()).st_mode)
             _lock(self._file, path)

@@ -56,7 +56,7 @@ _CLEARLY = 1e-9  # more than the rounding of all these sweeps
 BOUNDING = Needs(
     used=("simultaneous_bounds", "bounds_above", "cells", "draws", "level", "confidence")
 )
-"""Optional parts of a comparator that a loss is bounded by."""
+"""The optional parts of a comparator by which a loss is bounded."""
 
 
 class Guarantee(NamedTuple):

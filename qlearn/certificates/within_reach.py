@@ -15,7 +15,7 @@ from elicit.model.comparator import Comparator
 
 Z = 1.645  # standard deviations that leave 5% on one side
 GRACE = 2.0
-"""A tolerance is called out of reach only if it is so many times smaller than what is within
+"""A tolerance is called out of reach only if it is this many times smaller than the one within
 reach."""
 ENOUGH_ANSWERS = 30  # with fewer answers a learned precision says little
 

@@ -29,10 +29,8 @@ value that the reward takes, or a function of (observation, reward, info). In a 
 environment the function gets batches."""
 
 After: TypeAlias = int | Literal["last"] | None
-"""Level that lasts once an episode has terminated.
-
-It is 0 to k - 1; "last": that of the last step; None: not said, for tasks that never terminate.
-"""
+"""The level that lasts once an episode has terminated: 0 to k - 1, or "last" for that of the last
+step. None: not given, for tasks that never terminate."""
 
 
 @dataclass(frozen=True)

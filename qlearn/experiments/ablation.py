@@ -64,9 +64,8 @@ _MUCH = 1_000_000  # steps in all, that are worth compiling for before they begi
 _BESIDE = ("paper_loss_percent", "paper_abs_percent", "excess_loss", "excess_loss_initial")
 SimulatedTutor: TypeAlias = TruthfulTutor | FlippingTutor | BradleyTerryTutor | PersonTutor
 Owned: TypeAlias = Mapping[str, Own]
-"""Of one run: the user's own, by the column of the table that has their names ("comparator",
-...).
-"""
+"""The user's own parts of a run, by the column of the table that has their names ("comparator",
+...)."""
 
 
 class Run(NamedTuple):
@@ -92,7 +91,8 @@ TUTORS: Mapping[str, Callable[[OrdinalMDP, Floats, float, int], SimulatedTutor]]
         values, rate, _reference(mdp, tuple(values)), seed
     ),
 }
-"""A tutor who errs at a rate above 0, from the hidden values (k,) and the seed of the errors."""
+"""Factories of tutors who err at a rate above 0, from the hidden values (k,) and the seed of the
+errors."""
 
 
 def ablate(

@@ -88,8 +88,8 @@ def certificates() -> None:
 
 
 ALL = (proofs, moves, loops, sweeps, certificates)
-"""The tiny runs for all that users meet. This order compiles them soonest, with one process a core.
-"""
+"""The tiny runs for all that users meet. With a process for each core, this order compiles them
+soonest."""
 
 
 def _choose(comparator: Comparator) -> None:

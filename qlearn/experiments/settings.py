@@ -120,16 +120,15 @@ ORDER: Mapping[str, tuple[str, ...]] = {
     "errs": TUTORS,
     "error_rate": NAMED_TUTORS,
 }
-"""The order in which tables and pictures name things; the user's own come after them, as they were
-given.
-"""
+"""The order in which tables and pictures name things. The user's own parts come after them, as they
+were given."""
 OWN = {
     "problem": "problems",
     "learner": "learners",
     "comparator": "comparators",
     "error_rate": "tutors",
 }
-"""The columns of a table that may hold a name of the user's, and the setting that gives it."""
+"""The columns of a table that may hold a user's own name, each with the setting that gives it."""
 
 
 def setting(default: Any, check: Number | OneOf, text: str, may_be_empty: bool = False) -> Any:

@@ -46,9 +46,8 @@ class Decay:
 
 
 Epsilon: TypeAlias = float | Decay | Callable[[NDArray[np.int64]], Floats]
-"""A constant chance, or a function from the numbers (n,) of all steps of a run to the chance in
-each.
-"""
+"""A constant probability, or a function from the numbers (n,) of a run's steps to the probability
+in each."""
 
 
 @dataclass(frozen=True)
@@ -90,9 +89,8 @@ EXPLORATIONS: Mapping[str, Exploration] = MappingProxyType(
         "uniform": Exploration(1.0, start="best"),
     }
 )
-"""The choices that have a name; ``python -m benchmarks.paper.exploration`` measures what each leads
-to.
-"""
+"""The ways to explore that have a name; ``python -m benchmarks.paper.exploration`` measures their
+results."""
 
 
 def exploration_of(choice: Epsilon | Exploration | str | None) -> Exploration:

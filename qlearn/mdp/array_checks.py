@@ -20,7 +20,7 @@ _ROUNDING = 1e-12  # a row nearer to 1 than this is kept bit for bit, so that co
 
 
 Place: TypeAlias = Callable[[int, int], str]
-"""The words for a state and an action, given their numbers."""
+"""Returns words for a state and an action, given their numbers."""
 
 
 def clean(

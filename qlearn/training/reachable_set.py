@@ -21,9 +21,8 @@ from elicit.model.difference import as_vectors
 from elicit.model.scale import Floats
 
 MOST_CORNERS = 4_000
-"""A cut that would leave more is left out: the set is then larger than it might be, and bounds over
-it still hold.
-"""
+"""A cut that would leave more vertices than this is left out. The set is then larger than
+necessary, and bounds over it still hold."""
 
 _ON = 1e-9  # a point this near to an inequality's limit is on it, for sizes of about 1
 _SAME = 10  # vertices that agree to this many decimals are the same

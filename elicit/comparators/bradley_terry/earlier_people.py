@@ -26,7 +26,7 @@ from elicit.model.query import Answers
 from elicit.model.scale import Floats
 
 NEWCOMERS = 4.0
-"""Number of people that the general prior counts as."""
+"""The general prior has the weight of this many people."""
 
 MOST_KINDS, PEOPLE_A_KIND = (
     3,
@@ -53,7 +53,7 @@ class HasAnswers(Protocol):
 
 
 Logs: TypeAlias = Mapping[str, HasAnswers | Answers] | Iterable[HasAnswers | Answers]
-"""One answer log, or its Answers, for each of some people; perhaps by their names."""
+"""An answer log, or its Answers, for each of several people; perhaps by name."""
 
 
 class OwnParticles(NamedTuple):

@@ -26,15 +26,15 @@ PRECISION = (math.log(30.0), 2.5)
 
 
 CONCENTRATION = (0.2, 2.0)
-"""Least and greatest sum of the Dirichlet parameters of the gaps a priori. Of the sum, not of each:
-a law that keeps to each decides more before any answer the more levels there are, and is then wrong
-on scales of a few large gaps. With a fixed sum, levels set in between leave the law of the others
-as it was (Ferguson 1973)."""
+"""Least and greatest sum of the Dirichlet parameters of the gaps a priori. The range is one of the
+sum, not of each parameter. With a range of each parameter, more levels would decide more before any
+answer, wrongly on scales of a few large gaps. With a fixed sum, levels added in between leave the
+law of the others as it was (Ferguson 1973)."""
 
 
 LAPSE = (1.0, 4.0)
-"""The lapse a priori is Beta of these two: none is the likeliest, a fifth the mean, and .6 (a tutor
-who flips three answers in ten) still within what is foreseen. ``tutor_report`` has the same
+"""A priori the lapse is Beta with these two parameters. No lapse is the most likely, a fifth the
+mean, and .6 (a tutor who flips three answers in ten) still plausible. ``tutor_report`` has the same
 prior."""
 
 

@@ -71,7 +71,7 @@ from elicit.model.scale import Floats, dot, order_bounds, values_of
 WORN = 0.02  # below this effective size, a share of the particles, a warning is raised
 _FAR = 1e12  # tail sums are clipped to it for the likelihood
 _SHAPES = (1e-9, 1e9)
-"""Range of the prior's shapes: beyond, logarithms of gaps overflow or all gaps are equal."""
+"""Range of the prior's shapes. Beyond it logarithms of gaps overflow, or all gaps are equal."""
 PARTICLES = 1000
 """Default number of particles."""
 

@@ -61,7 +61,7 @@ from elicit.comparators.bradley_terry.smc import (
 from elicit.model.scale import Floats
 
 SPREAD = 1.74
-"""Standard deviation among raters of the log of the precision, a priori: that of the people of
+"""Standard deviation a priori of the log of the precision among raters. It is that of the people of
 public experiments (``elicit.tutors.person``)."""
 
 OWN = 3  # coordinates of a rater

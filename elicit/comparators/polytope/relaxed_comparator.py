@@ -46,8 +46,9 @@ if TYPE_CHECKING:
     import cvxpy
 
 LEAST_SLACK = 1e-9
-"""Times the largest answered tail sum, rounded up to a power of two: what a smaller slack is raised
-to (but for 0 with consistent answers), so that {f <= B} is not too thin for floats."""
+"""A smaller slack is raised to this number times the largest answered tail sum, rounded up to a
+power of two, so that {f <= B} is not too thin for floats. A slack of 0 with consistent answers
+stays 0."""
 
 _GRID = (
     2.0**-36

@@ -15,9 +15,9 @@ class Tuning:
     """
 
     matters: float = 0.5
-    """An advantage counts for a strategy if it exceeds this part of the tolerance. In one state,
-    taken once, it then costs that much. With the least advantage that could ever matter, tolerance
-    (1 - discount), a fifth more questions were asked."""
+    """An advantage counts for a strategy if it exceeds this part of the tolerance. Taken once, in a
+    single state, it then costs that much. With the least advantage that could ever matter,
+    tolerance (1 - discount), a fifth more questions were asked."""
 
     signs: int = (
         12  # number of the best advantages to ask about whose signs a simple question should tell

@@ -64,7 +64,7 @@ def fishery(seed: Seed | None = None, size: int = 40) -> OrdinalMDP:
 
 
 _YEARS = ((0.1, -2.0), (0.2, -1.0), (0.4, 0.0), (0.2, 1.0), (0.1, 2.0))
-"""Chances of years from very bad to very good, and how far each is from the usual."""
+"""The kinds of years, from very bad to very good: probability, and distance from a usual year."""
 
 
 def reservoir(seed: Seed | None = None, size: int = 20) -> OrdinalMDP:
