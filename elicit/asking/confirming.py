@@ -94,7 +94,10 @@ class _WeighedCell(NamedTuple):
 
     @staticmethod
     def of(cell: Cell, wrong: int, d: Floats, limit: float) -> _WeighedCell:
-        """Return a cell with its bounds on d (n, k), if ``wrong`` answers may be wrong in total."""
+        """Return a cell with its bounds on d (n, k).
+
+        In total ``wrong`` answers may be wrong, including those that are wrong in the cell.
+        """
         high = simultaneous_bounds(cell.scales, d)[0]
         return _WeighedCell(cell, wrong - len(cell.wrong), d, high)
 

@@ -360,7 +360,7 @@ class Elicitation:
 
     @property
     def room(self) -> int:
-        """The number of answers that a compiled loop may take without returning to Python.
+        """The number of answers that a compiled loop may take before it returns to Python.
 
         It is 0 if each answer may change what is asked next.
         """
@@ -371,7 +371,10 @@ class Elicitation:
 
     @property
     def room_in_rule(self) -> int:
-        """The number of strict answers that a compiled loop may add to the comparator's arrays."""
+        """The number of answers "better" or "worse" that a compiled loop may add to the rule.
+
+        The rule is the comparator's knowledge as arrays.
+        """
         comparator = self.comparator
         near_matter = self._near_ties.in_a_row or self.indifference
         if near_matter or not isinstance(comparator, LearnsInLoops):
@@ -507,8 +510,8 @@ class Elicitation:
     def may_ask(self, d: Floats, places: Callable[[int], Place]) -> NDArray[np.bool_]:
         """Return flags (n,): which of the differences d (n, k) may be put to the tutor.
 
-        A difference is excluded if it was answered, or if the tutor could not tell another one at
-        the same place (of ``places``).
+        Two kinds may not: those already answered, and those at a place at which the tutor could not
+        tell. ``places`` gives the place of a row.
         """
         new: NDArray[np.bool_] = self._answered.said(tail_sums(d)) == Verdict.UNKNOWN
         if self._unclear:
@@ -670,7 +673,7 @@ class Elicitation:
 
 
 def _rows(answers: Answers, several: bool) -> Iterator[tuple[bytes, int, str | None]]:
-    """Return triples for each answer: difference, verdict, and its person if there are several."""
+    """Return for each answer its difference, its verdict, and its person if there are several."""
     who = answers.who if several else (None,) * len(answers)
     return zip(map(np.ndarray.tobytes, answers.d), answers.y.tolist(), who, strict=True)
 

@@ -73,7 +73,7 @@ def asking() -> Rule:
 
 
 def silent() -> Rule:
-    """Return the rule of a comparator that knows only the order: UNKNOWN beyond dominance."""
+    """Return the rule of a comparator that decides by dominance alone, else UNKNOWN."""
     return nothing()._replace(kind=ORDER_ONLY)
 
 

@@ -50,7 +50,7 @@ class Implied(NamedTuple):
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """An answer for each step that an answer shows: together they prove the conclusion."""
+        """The ids of answers that prove the conclusion, one for each step that needs an answer."""
         return tuple(step.ids[0] for step in self.steps if step.ids)
 
 

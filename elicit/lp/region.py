@@ -65,7 +65,7 @@ class Region:
         return rows[used[first]], limits[used[first]]
 
     def take(self, keep: NDArray[Any], margin: float | None = None) -> Region:
-        """Return the region with only the rows that ``keep`` selects, perhaps another margin."""
+        """Return the region with the rows that ``keep`` flags, and perhaps another margin."""
         return Region(
             self.margin if margin is None else margin,
             self.rows[keep],

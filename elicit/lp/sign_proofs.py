@@ -204,9 +204,9 @@ def outermost(at: Any, kind: Any, with_basis: bool) -> tuple[int, int]:
 
 @compiled
 def search(t: Any, known: Known) -> tuple[int, int]:
-    """Return the verdict and tier of tail sums t (p,), of order 1, by the costlier proofs.
+    """Return the verdict and tier for tail sums t (p,), of order 1, by the costlier proofs.
 
-    These are the closed form over K_0 and walks between vertices.
+    These are the closed form over all ordered scales, and walks from vertex to vertex of K_t.
     """
     if known.margin == 0.0 and len(known.limits) == 0:
         return UNKNOWN, BY_SCREEN
@@ -257,10 +257,10 @@ def side_of(t: Any, g: Any, doubt: float) -> int:
 
 @compiled
 def lifting_row(t: Any, side: int, rows: Any, lifted: Any, masks: Any, counts: Any) -> int:
-    """Return a known row w with side * t >= lambda w for some lambda >= 0, or NOWHERE.
+    """Return the number of a known row w that proves side * t.g >= 0, or NOWHERE.
 
-    As w.g >= 0 on K_t, side * t.g >= 0 follows. The row that was found last time, which ``counts``
-    remembers, is tried first.
+    It does if side * t >= lambda w for some lambda >= 0, because w.g >= 0 on K_t. The row that was
+    found last time, which ``counts`` remembers, is tried first.
     """
     negative = np.uint64(0)  # w can only help if it is negative at every entry where side * t is
     for j in range(min(len(t), 64)):

@@ -112,5 +112,5 @@ def tell(asker: Asker, answer: Answer) -> list[str] | None:
 
 
 def counts(entry: Entry) -> bool:
-    """Return whether an answer stands, and is used or unused only because it contradicts others."""
+    """Return whether an answer stands, and is used unless it contradicts others."""
     return entry.stands and (entry.used or CONTRADICTS in entry.metadata)

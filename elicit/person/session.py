@@ -412,22 +412,22 @@ class Session(Closing):
         self._put_at.clear()
 
     def settle(self, id: str, verdict: Verdict | int | None) -> None:
-        """Set what the person meant, after a repeat was answered differently from the first time.
+        """Set what the person meant, after a repeated question was answered differently.
 
         The verdict replaces both answers, and is learned.
 
         Parameters
         ----------
         id : str
-            Of the repeat.
+            The id of the repeat.
         verdict : Verdict or int or None
-            Of ``query.left``. None: cannot tell.
+            The verdict on ``query.left``. None: cannot tell.
 
         Raises
         ------
         ValueError
-            If no such repeat stands, or its first answer does not, or if the first answer changes
-            and the session was given an asker in place of a function that makes one.
+            If no such repeat stands, or its first answer does not. Also if the first answer
+            changes, and the session was given an asker in place of a function that makes one.
         """
         standing = {e.answer.query.id: e for e in self._log.standing}
         again = standing.get(id)

@@ -148,10 +148,10 @@ def _digest(data: bytes) -> str:
 
 
 def _is_torn(line: bytes, first: bool) -> bool:
-    """Return whether a file's last line was left unfinished by a crash, not damaged later.
+    """Return whether a file's last line is one that a crash left unfinished.
 
-    An unfinished line is the beginning of a JSON object. If it contains a whole object, it was
-    complete once, and its line feed was changed.
+    Such a line is the beginning of a JSON object. A line that contains a whole object is not: it
+    was complete, and has lost its line feed since.
     """
     text = line.decode("utf-8", "replace")
     with suppress(ValueError):

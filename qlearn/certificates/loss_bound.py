@@ -141,10 +141,10 @@ def guarantee(
 
 
 def _refuted(mdp: OrdinalMDP, advantages: Advantages, high: Floats, enough: float) -> bool:
-    """Return whether bounds ``high`` (n,) on advantages give a loss bound above ``enough``.
+    """Return whether a loss bound from these bounds ``high`` (n,) on advantages exceeds ``enough``.
 
-    That is so if some policy collects more than ``enough`` of them. Sweeps of value iteration from
-    0 rise to the most that can be collected, and a few of them mostly suffice.
+    The loss bound is the most that a policy can collect of them. Sweeps of value iteration from 0
+    rise to that, and mostly exceed ``enough`` after a few.
     """
     live, total = ~mdp.terminal, np.zeros(mdp.n_states)
     gain = np.full(mdp.levels.shape, -np.inf)

@@ -94,7 +94,7 @@ results."""
 
 
 def exploration_of(choice: Epsilon | Exploration | str | None) -> Exploration:
-    """Return an Exploration: the one given, the one of that name, or a constant epsilon.
+    """Return an Exploration, given as itself, by its name, or by a value of epsilon.
 
     None stands for "optimistic". Raise ValueError if there is no such name.
     """

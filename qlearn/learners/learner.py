@@ -34,10 +34,10 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 
 def place(mdp: OrdinalMDP, state: int, a: int, b: int) -> tuple[str, str, tuple[int, int, int]]:
-    """Return the place at which actions a and b are compared at a state.
+    """Return the place at which actions a and b are compared: its names.
 
-    It has two sentences for the question, one with a on the left and one with b, and the numbers of
-    the state and of the actions.
+    The names are the sentence that asks about the actions with a on the left, the same with b on
+    the left, and the numbers of the state and of the actions.
     """
     return _sentence(mdp, state, a, b), _sentence(mdp, state, b, a), (state, min(a, b), max(a, b))
 

@@ -249,7 +249,7 @@ class InteractivePolicyIteration(Learner):
         )
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
-        """Do nothing: this learner asks each question, even if the comparator never learns."""
+        """Do nothing. This learner asks and logs every question, whatever the comparator."""
 
     def _present(self) -> tuple[ExactRounds | SampledRounds, Advantages, Guarantee]:
         """Return the rounds, advantages and guarantee for what is known now.
@@ -273,7 +273,7 @@ class InteractivePolicyIteration(Learner):
     def _round(self) -> tuple[Advantages, Guarantee]:
         """Return the advantages over the current policy, and its loss bound.
 
-        The bound is inf if it is too large to stop.
+        The bound is inf if it exceeds the tolerance, so that the learner has to go on.
         """
         comparator = self._elicitation.comparator
         if self._found is None or self._found[0] is not comparator:

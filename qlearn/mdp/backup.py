@@ -58,8 +58,8 @@ def _to_read(array: Any) -> Any:
 def back_up_from(s: int, v: Any, arrays: Any, discount: float, q: Any) -> None:
     """Write Q(s, .), in shares, into q (A, k).
 
-    Rows of inadmissible actions are left as they are. ``arrays`` are the first four of the model:
-    passing all of it for every state takes longer.
+    Rows of inadmissible actions are left as they are. ``arrays`` are the first four arrays of
+    ``MdpArrays``: passing all of them for every state takes longer.
     """
     successors, probabilities, ends, levels = arrays
     m, k = q.shape

@@ -191,10 +191,10 @@ def _swept(
     v: Any,
     states: Actions | None = None,
 ) -> tuple[Any, Floats, Floats]:
-    """Return the values (S, c) after one sweep, ``gain`` plus discounted v (S, c), and its changes.
+    """Return the values (S, c) after one sweep, and each column's least and greatest change.
 
-    Terminal states have their ``ends`` (S, c). The changes are the least and the greatest of each
-    column, among ``states`` (n,) if they are given.
+    A sweep gives ``gain`` plus discounted v (S, c), and ``ends`` (S, c) in terminal states. If
+    ``states`` (n,) are given, the changes are those at these states.
     """
 
     def sweep(first: int, last: int) -> tuple[Any, Floats]:

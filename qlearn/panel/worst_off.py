@@ -309,9 +309,9 @@ def _telling(mdp: OrdinalMDP, panel: Panel, proven: _Proven) -> list[tuple[str, 
 
 
 def _better(mdp: OrdinalMDP, proven: _Proven, high: Floats) -> Floats:
-    """Return what another policy has more at the start, (k,), than this one.
+    """Return the difference (k,), at the start, between another policy's vector and this one's.
 
-    The other policy is the one that collects most of these bounds.
+    The other policy is the one that collects most of the bounds ``high``.
     """
     gain = _gain(mdp, proven.place, proven.action, high)
     total = np.where(mdp.terminal, 0.0, greatest_total(mdp, gain))

@@ -89,7 +89,7 @@ class EarlierPeople(NamedTuple):
 
     @property
     def newcomer(self) -> float:
-        """The probability that the next person is like none of them: the general prior's weight."""
+        """The weight of the general prior: for a next person who is unlike the earlier ones."""
         return NEWCOMERS / (NEWCOMERS + self.people)
 
     def rows(self, learns_lapse: bool) -> Floats:

@@ -257,8 +257,8 @@ class PosteriorComparator:
     def _own_particles(self, number: tuple[int, int], answers: Answers) -> OwnParticles:
         """Return an earlier person's posterior from their answers, under the general prior.
 
-        The particles depend on ``number``, which stands for the fit and the person. They do not
-        depend on the comparator's seed, so that comparators of all seeds learn the same prior.
+        ``number``, which stands for the fit and the person, seeds the particles. The comparator's
+        seed does not, so that comparators of all seeds learn the same prior.
         """
         own = copy.copy(self)
         own._key = np.uint64(fold(np.uint64(_PEOPLE), *number))

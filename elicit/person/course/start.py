@@ -55,7 +55,7 @@ class Before(NamedTuple):
         return None
 
     def record(self, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
-        """Return the state as JSON, with the facts that it depends on."""
+        """Return these attributes as JSON, together with ``facts``, on which they depend."""
         return {**self._asdict(), "by": _as_json(facts)}
 
 

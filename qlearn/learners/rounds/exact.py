@@ -32,7 +32,7 @@ class ExactRounds:
     def round(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
         """Return the advantages that questions may be about, and the policy's loss bound.
 
-        The bound is inf if it is too large to stop.
+        The bound is inf if it exceeds ``enough``, the loss at which the learner stops.
         """
         values, advantages = best_guess(comparator), self._advantages
         if advantages is None or self._changes(advantages, values):

@@ -46,7 +46,8 @@ class SampledRounds:
     def round(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
         """Solve approximately, and return the advantages of some states and the loss bound.
 
-        The bound is inf if it is too large to stop, or was not computed.
+        The bound is inf if it exceeds ``enough``, the loss at which the learner stops, or was not
+        computed.
         """
         self._asked += 1
         if (
