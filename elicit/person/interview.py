@@ -409,7 +409,7 @@ class Interview(Closing):
             return {**screen, "stage": "offer", "offer": offer}
         query = session.question()
         shown_now = None if query is None else shown_of(self._subject, query)
-        if shown_now is None or not shown_now.exact:
+        if query is None or shown_now is None or not shown_now.exact:
             self.shown = None
             # an answer to rounded numbers could make the statements at the end untrue
             return {**screen, "stage": "end", "end": self._drawing.end(shown_now is not None)}
