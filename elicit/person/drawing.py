@@ -84,7 +84,7 @@ class Drawing:
         """Return a sentence on what could be lost before the first answer."""
         words = self._subject.words
         most = in_unit(loss, words.unit, self._subject.labels, words.loss)
-        return f"Before your first answer, the result could lose {most}."
+        return f"Without your answers the result could lose {most}, compared with your ideal one."
 
     def _conflicts_found(self) -> tuple[tuple[Entry, ...], ...]:
         """Return ``Session.conflicts``, which are computed once for the same answers."""

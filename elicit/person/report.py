@@ -60,6 +60,8 @@ summary { cursor: pointer; color: var(--link); padding: .3rem 0; } details > tab
   .many td { border-top: 0; padding: .1rem 0; display: flex; justify-content: space-between; gap: .6rem; }
   .many td:first-child { grid-column: 1 / -1; font-weight: 600; }
   .many td:not(:first-child)::before { content: attr(data-head); color: var(--soft); }
+  .many td:is([data-head="Why"], [data-head^="With "], [data-head^="By "]) { grid-column: 1 / -1; justify-content: flex-start; }
+  .many td:is([data-head="Why"], [data-head^="With "], [data-head^="By "])::before { flex: 0 0 8.5rem; overflow-wrap: normal; }
   .answers tr { display: grid; grid-template-columns: 2.2rem minmax(0, 1fr); border-top: 1px solid var(--line); }
   .answers td { border-top: 0; padding: .1rem .2rem; } .answers td:nth-child(n+3) { grid-column: 2; }
   .answers td:empty { display: none; }
