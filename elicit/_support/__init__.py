@@ -1,4 +1,6 @@
-"""Tools that everything uses: checks of settings, compiling, and hashed random numbers.
+"""Tools that everything uses.
+
+Checks of settings, compiling, work in the background, and hashed random numbers.
 
 Imports nothing of elicit.
 """

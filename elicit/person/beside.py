@@ -17,15 +17,15 @@ from typing import Any
 
 import numpy as np
 
+from elicit._support.background import Background, MadeAhead, Turns
 from elicit._support.closing import Closing
 from elicit.model.query import Answer, Query, Verdict
-from elicit.person.asker import AfterAnswer, Asker, Supposed, tell
-from elicit.person.background import Background, MadeAhead, Turns
+from elicit.person.asker import AfterAnswer, Asker, Compares, Supposed, tell
 from elicit.person.course.choices import Choices
 from elicit.person.course.conduct import AGAIN, LEAST_CHECKS, ORDER, Conduct
 from elicit.person.course.consequences import Consequences
 from elicit.person.course.forecast import QuestionsLeft, Stated
-from elicit.person.course.level_questions import LEVEL
+from elicit.person.course.level_questions import LEVEL, questions_left
 from elicit.person.course.pace import Pace
 from elicit.person.drawing import MINUTES, Drawing
 from elicit.person.outlook import Outlook, Prospects
@@ -196,6 +196,9 @@ class Beside(Closing):
         self._conduct = Conduct.of(())  # before this question
         self._left = QuestionsLeft()
         self._stated = Stated()
+        # questions about levels, this one included, after "ask me more" or until it is enough
+        self._levels_left: tuple[int, int] | None = None
+        self._no_others = False  # but those that are needed
         self._needed = (0, 0)  # answers and checks that must still come after this question
 
     def start(self, steps: Iterator[None]) -> None:
@@ -284,7 +287,9 @@ class Beside(Closing):
         ready = now.ready  # read first: whatever is there by then stays
         return {"id": id, "choices": now.found(), "ready": ready}
 
-    def accompany(self, shown: Shown, conduct: Conduct, needed: tuple[int, int]) -> None:
+    def accompany(
+        self, shown: Shown, conduct: Conduct, needed: tuple[int, int], no_others: bool = False
+    ) -> None:
         """Start the computations beside a question, which is on the screen now.
 
         Parameters
@@ -294,10 +299,17 @@ class Beside(Closing):
             The conduct in the answers before this question.
         needed : (2,) int
             Numbers of answers, and of checks, that must still come after this one.
+        no_others : bool
+            True if no others come.
         """
-        self._conduct, self._needed = conduct, needed
+        self._conduct, self._needed, self._no_others = conduct, needed, no_others
         session, subject, now = self._session, self._subject, self._beside
         asker = session.current_asker()
+        enough, more = subject.enough, self._chosen.more
+        asks_on = bool(subject.least) and enough is not None and not enough(session.result())
+        self._levels_left = None
+        if (more or asks_on) and isinstance(asker, Compares):
+            self._levels_left = questions_left(asker.comparator)
         if now is not None and now.shown == shown.id and now.asker is asker:
             return
         before, since = None if now is None else now.outlook, tuple(self._since)
@@ -406,15 +418,23 @@ class Beside(Closing):
         """Return the range of questions to come that is shown, or None if nothing is known.
 
         ``played`` are the lengths of sessions simulated from here on. Without them the range comes
-        from the forecast on the welcome screen.
+        from the forecast on the welcome screen. A person who asked for more questions gets them
+        until all levels are known, or until the result is sure enough, which mostly takes fewer.
         """
-        if self._chosen.more:
-            return None
         put, least = self._conduct.put, sum(self._needed)
+        if self._no_others:
+            return [least, least]
         found = None
-        if played is not None:
-            fewest, most = (self._with_checks(max(self._needed[0], n)) for n in played)
+        if self._chosen.more:
+            if self._levels_left is None:
+                return None
+            fewest, most = (self._with_checks(max(0, n - 1)) for n in self._levels_left)
             found = fewest, most
+        elif played is not None or self._levels_left is not None:
+            further = 0 if self._levels_left is None else self._levels_left[0]
+            fewest, most = (0, 0) if played is None else played
+            both = max(self._needed[0], fewest), max(self._needed[0], most) + further
+            found = self._with_checks(both[0]), self._with_checks(both[1])
         elif self._prospects is not None and (lengths := self._prospects.lengths()) is not None:
             fewest, most = (length - put - 1 for length in lengths)
             found = (max(0, fewest), most) if most >= max(1, least) else None

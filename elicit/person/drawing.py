@@ -73,18 +73,18 @@ class Drawing:
         """Return a sentence on what a number of questions is likely to prove."""
         words, n = self._subject.words, found.sessions
         if found.settled == n:
-            return f"In all of {n} simulated sessions the result was settled by then."
-        said = f"In {found.settled} of {n} simulated sessions the result was settled by then."
+            return f"Settled in all {n} simulated sessions."
+        said = f"Settled in {found.settled} of {n} simulated sessions."
         if 2 * found.settled > n or math.isnan(found.loss):
             return said
         most = in_unit(found.loss, words.unit, self._subject.labels, words.loss)
-        return printable(f"{said} In half of all {n} it could still lose at most {most}.")
+        return printable(f"{said} Half of all {n} could still lose {most}.")
 
     def _before(self, loss: float) -> str:
         """Return a sentence on the loss that was possible before the first answer."""
         words = self._subject.words
         most = in_unit(loss, words.unit, self._subject.labels, words.loss)
-        return f"Before your first answer, the result could lose {most}."
+        return f"Without your answers the result could lose {most}, compared with your ideal one."
 
     def _conflicts_found(self) -> tuple[tuple[Entry, ...], ...]:
         """Return ``Session.conflicts``, which are computed once for the same answers."""
@@ -143,11 +143,11 @@ class Drawing:
             ]
         else:
             heading = f"These {len(among)} answers contradict each other"
-            text = "That can happen. Withdrawing any one of them fixes it."
+            text = "That can happen. Taking back any one of them fixes it."
             choices = [
                 {
                     "choice": f"withdraw:{entry.answer.query.id}",
-                    "label": f"Withdraw answer {numbers[entry.answer.query.id]}",
+                    "label": f"Take back answer {numbers[entry.answer.query.id]}",
                 }
                 for entry in among
             ]
@@ -198,11 +198,7 @@ class Drawing:
 
     def _numbers(self) -> dict[str, int]:
         """Return the number of each answer in lists and reports, by its query's id."""
-        return {
-            entry.answer.query.id: number
-            for number, entry in numbered(self._session.log)
-            if number is not None
-        }
+        return {entry.answer.query.id: number for number, entry in numbered(self._session.log)}
 
     def answers(self) -> dict[str, Any]:
         """Return the list of all answers, and the conflicts among them."""
@@ -352,7 +348,8 @@ class Drawing:
             sure = before = ""
         back = counts.withdrawn
         if back and found.settled and enough and caution is None:
-            sure = f"{sure} It does not use the {in_answers(back)} that you took back.".strip()
+            those = "answer" if back == 1 else in_answers(back)
+            sure = f"{sure} It does not use the {those} that you took back.".strip()
         if caution is not None:
             changes, plan = (
                 table and replace(table, note=f"This holds only {_IF_MEANT}. {table.note}")
@@ -433,5 +430,7 @@ class Drawing:
 
 def _in_words(shown: Shown) -> str:
     """Return both sides of a question in words, as they were shown."""
-    a, b, _ = shown.as_seen
-    return f"A: {a}. B: {b}. (Of {shown.of:,} {shown.words.unit}.)"
+    a, b, same = shown.as_seen
+    common = sum(shown.common)
+    rest = f"; {common:,} are the same in both: {same}" if common else ""
+    return f"A: {a}. B: {b}. (Of {shown.of:,} {shown.words.unit}{rest}.)"

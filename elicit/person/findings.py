@@ -25,8 +25,8 @@ NOT_KNOWN = (
 )
 """The sentence beside levels whose best guess is not shown."""
 NOT_NEEDED = (
-    "The result does not depend on what is not known yet. “Ask me more” learns these levels too, "
-    "most often with a few answers."
+    "The result does not depend on what is not known yet. More questions would show what these "
+    "levels are worth too."
 )
 """The sentence beside such levels if the result is settled."""
 OVERLAP = (

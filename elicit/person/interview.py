@@ -47,10 +47,10 @@ The other replies are:
     ``id`` of a conflict. The reply has ``choices`` (for each choice of it a sentence on what would
     be left, as far as computed) and ``ready`` (as of ``outlook``).
 ``answers``
-    The reply has ``answers``, oldest first, each with ``id``, ``number`` (null for one that was
-    taken back, so that the last number is ``answered``), ``sentence``, ``shown`` (both sides in
-    words), ``verdict``, ``time``, ``withdrawn``, ``replaced`` (true if the person has settled a
-    difference since), ``used`` and ``repeat``, and ``conflicts``, lists of ids.
+    The reply has ``answers``, oldest first, each with ``id``, ``number`` (its question's, which
+    stays the same whatever is taken back), ``sentence``, ``shown`` (both sides in words),
+    ``verdict``, ``time``, ``withdrawn``, ``replaced`` (true if the person has settled a difference
+    since), ``used`` and ``repeat``, and ``conflicts``, lists of ids.
 ``report``
     The reply has ``html``, a page to keep, and ``name`` for its file.
 ``download``
@@ -67,7 +67,7 @@ A screen has these fields:
 ``stage``
     "welcome", "practice", "question", "conflict", "offer" or "end".
 ``answered``
-    Number of questions answered, repeated ones among them. A question's ``number`` is one more.
+    Number of questions answered, repeated ones among them, without answers that were taken back.
 ``open_conflicts``
     Number of answers that contradict others.
 ``budget``
@@ -90,8 +90,9 @@ sentence on what could be lost without an answer, or ""), ``purpose``,
 
 A question has ``id``, ``number``, ``heading``, ``sentences``, ``sides`` (the names of A and B),
 ``of``, ``unit``, ``levels`` (k), ``labels``, ``icons`` (true if the counts of the rows are small
-enough to be drawn one by one) and ``rows``, best level first. Each row has ``label``, ``level`` (0
-the worst), ``a`` and ``b``.
+enough to be drawn one by one), ``check`` (a sentence on why it comes although its answer was given,
+or follows from others, or "") and ``rows``, best level first. Each row has ``label``, ``level`` (0
+the worst), ``a`` and ``b``. A question that was put before keeps its ``number``.
 
 A conflict has ``id``, ``heading``, ``text``, ``answers`` (each with ``number``, ``sentence``,
 ``chosen`` and ``question``, which is drawn as it was shown) and ``choices``, each with ``choice``
@@ -124,20 +125,20 @@ from typing import Any
 
 from elicit._support.closing import Closing
 from elicit.model.comparator import Comparator
-from elicit.model.query import Verdict
 from elicit.person.asker import Compares
 from elicit.person.beside import Beside, Company, in_minutes
 from elicit.person.course.choices import CHOICES, Choices
-from elicit.person.course.conduct import IN_CONFLICT, Conduct, differs
-from elicit.person.course.counts import Counts
+from elicit.person.course.conduct import Conduct
+from elicit.person.course.counts import Counts, number_of
 from elicit.person.course.pace import FEW_HASTY, Pace
 from elicit.person.course.start import START
 from elicit.person.drawing import Drawing
+from elicit.person.mending import Mending
 from elicit.person.next_question import NextQuestion
 from elicit.person.session import Session
 from elicit.person.showing import Shown, drawn, legend_of, practice, printable, said_of, shown_of
 from elicit.person.showing import Subject as Subject
-from elicit.tutors.answer_log import CONTRADICTS, REPEATS, Entry
+from elicit.tutors.answer_log import CONTRADICTS, Entry
 from elicit.tutors.log_file import BadLog
 
 _MORE_AFTER_CAUTION = 10  # answers until a caution that the person passed over is said again
@@ -226,6 +227,7 @@ class Interview(Closing):
         self._kept = replace(self._chosen)  # as the log has them
         self._questions = NextQuestion(session, subject, self._chosen)
         self._drawing = Drawing(session, subject, self._chosen, self._questions)
+        self._mending = Mending(session, subject, self._chosen, self._drawing)
         self._beside = Beside(session, subject, self._chosen, self._drawing, self._company)
         self._does: dict[str, Callable[..., dict[str, Any]]] = {
             "state": lambda: self._screen(),
@@ -387,14 +389,14 @@ class Interview(Closing):
                 shown = practice(self._subject.labels, words, self._subject.of, self._subject.seed)
                 self.shown = shown
                 self._beside.start(self._first_question())
-                return {**screen, "stage": "practice", "question": drawn(shown, 0)}
+                return {**screen, "stage": "practice", "question": {**drawn(shown, 0), "check": ""}}
         caution = (
             conduct.caution()
             if conduct.given >= self._chosen.heard + _MORE_AFTER_CAUTION
             or (conduct.taken_back and not self._chosen.heard)
             else None
         )
-        if conflict := self._conflict_now():
+        if conflict := self._mending.conflict():
             self.shown = None
             self._beside.weigh(conflict)
             return {**screen, "stage": "conflict", "conflict": conflict}
@@ -407,18 +409,22 @@ class Interview(Closing):
             return {**screen, "stage": "offer", "offer": offer}
         query = session.question()
         shown_now = None if query is None else shown_of(self._subject, query)
-        if shown_now is None or not shown_now.exact:
+        if query is None or shown_now is None or not shown_now.exact:
             self.shown = None
             # an answer to rounded numbers could make the statements at the end untrue
             return {**screen, "stage": "end", "end": self._drawing.end(shown_now is not None)}
         if self._put != shown_now.id or self._chosen != self._kept:
             self._log_shown(shown_now)
         self.shown = shown_now
-        self._beside.accompany(shown_now, conduct, self._questions.still_needed(conduct))
+        needed = self._questions.still_needed(conduct, shown_now.id)
+        self._beside.accompany(shown_now, conduct, needed, self._questions.only_checks())
         return {
             **screen,
             "stage": "question",
-            "question": drawn(shown_now, conduct.put + 1),
+            "question": {
+                **drawn(shown_now, number_of(session.log, shown_now.id)),
+                "check": self._mending.check(query),
+            },
         }
 
     def _first_question(self) -> Iterator[None]:
@@ -603,95 +609,35 @@ class Interview(Closing):
             self._chosen.more = True
         return self._screen()
 
-    def _conflict_now(self) -> dict[str, Any] | None:
-        """Return the conflict that the last answer is part of, unless the person left it."""
-        standing = self._session.log.standing
-        if not standing or not self._subject.least:
-            return None
-        last = standing[-1]
-        if last.repeat:
-            first = next((e for e in standing if e.answer.query.id == last.metadata[REPEATS]), None)
-            if first is None or not differs(last) or self._is_passed((first, last)):
-                return None
-            return self._drawing.repeat_conflict(first, last)
-        among = self._session.contradiction()
-        if not among or self._is_passed(among):
-            return None
-        return self._drawing.contradiction(among)
-
-    def _is_passed(self, among: Sequence[Entry]) -> bool:
-        return self._chosen.leaves(entry.answer.query.id for entry in among)
-
     def _settle(self, id: str, choice: str) -> dict[str, Any]:
-        conflict = self._conflict_now()
+        conflict = self._mending.conflict()
         if conflict is None or conflict["id"] != id:
             return self._screen("That was settled already, perhaps in another window.")
-        if choice not in {one["choice"] for one in conflict["choices"]}:
-            raise ValueError(f"choice must be one of the conflict's, not {choice[:80]!r}")
-        standing = {e.answer.query.id: e for e in self._session.log.standing}
-        last = standing[id]
         self._forget()
-        if choice == "later":
-            among = self._session.contradiction()
-            self._chosen.leave(entry.answer.query.id for entry in among)
-            return self._screen("Nothing was changed. You find this under “Your answers”.")
-        if last.repeat:
-            first = standing[last.metadata[REPEATS]]
-            if choice == "first" and not self._session.makes_askers:
-                self._chosen.leave((first.answer.query.id, id))
-                return self._screen("Your first answer stands.")
-            meant = {
-                "first": first.answer.verdict,
-                "second": last.answer.verdict,
-                "equal": Verdict.EQUAL,
-                "cannot tell": None,
-            }[choice]
-            self._session.settle(id, meant)
-            return self._screen("Thank you. That is what counts from now on.")
-        among = self._session.contradiction()
-        if not self._session.makes_askers:
-            self._chosen.leave(entry.answer.query.id for entry in among)
-            return self._screen("This program cannot take answers back.")
-        if choice == "cannot tell":
-            for entry in among:
-                self._session.withdraw(entry.answer.query.id, **{IN_CONFLICT: True})
-            return self._screen("Thank you. None of these answers is used.")
-        became = self._withdrawn(choice.removeprefix("withdraw:"), **{IN_CONFLICT: True})
-        return self._screen(f"Thank you.{became}")
+        return self._screen(self._mending.settle(conflict, choice))
 
     def _undo(self, id: str) -> dict[str, Any]:
         standing = self._session.log.standing
         if not standing or standing[-1].answer.query.id != id:
             return self._screen(
-                self._taken_back_before(id)
+                self._mending.taken_back_before(id)
                 or "Nothing was taken back, because that is no longer the last answer."
             )
         self._forget()
         self._chosen.stopped = False
         self._session.undo()
-        return self._taken_back("Taken back.")
+        return self._taken_back("Taken back.", id)
 
     def _withdraw(self, id: str) -> dict[str, Any]:
         if not any(entry.answer.query.id == id for entry in self._session.log.standing):
             return self._screen(
-                self._taken_back_before(id) or "Nothing was taken back: there is no such answer."
+                self._mending.taken_back_before(id)
+                or "Nothing was taken back: there is no such answer."
             )
         self._forget()
-        return self._taken_back(f"Taken back.{self._withdrawn(id)}")
+        return self._taken_back(f"Taken back.{self._mending.take_back(id)}", id)
 
-    def _withdrawn(self, id: str, **metadata: Any) -> str:
-        """Take an answer back, and return a sentence on what became of the others."""
-        before = len(self._session.log.standing)
-        self._session.withdraw(id, **metadata)
-        checks = before - len(self._session.log.standing) - 1
-        if checks < 1:
-            return " The other answers stay."
-        gone = (
-            "The check that repeated it goes" if checks == 1 else "The checks that repeated it go"
-        )
-        return f" {gone} with it. The other answers stay."
-
-    def _taken_back(self, said: str) -> dict[str, Any]:
+    def _taken_back(self, said: str, id: str) -> dict[str, Any]:
         """Return the screen after an answer was taken back, with a note on what became of it."""
         before = self.progress.settled  # of the last screen
         screen = self._screen()
@@ -701,12 +647,9 @@ class Interview(Closing):
             (True, False): " The result is no longer settled without it.",
             (False, True): " The answers that stand settle the result.",
         }
-        return {**screen, "note": f"{said}{became.get((before, now), '')}"}
-
-    def _taken_back_before(self, id: str) -> str | None:
-        """Return a note for an answer that was taken back already, as by a message sent twice."""
-        said = [entry.retracted for entry in self._session.log if entry.answer.query.id == id]
-        return "That answer was taken back already." if said and all(said) else None
+        other = screen["question"] is not None and screen["question"]["id"] != id
+        next_one = " Another question comes now." if other else ""
+        return {**screen, "note": f"{said}{became.get((before, now), '')}{next_one}"}
 
 
 def _number(text: str) -> int | None:

@@ -13,7 +13,7 @@ from typing import Any
 from elicit.model.query import Query
 from elicit.person.asker import Compares
 from elicit.person.course.choices import Choices
-from elicit.person.course.conduct import LEAST_CHECKS, ORDER, Conduct
+from elicit.person.course.conduct import IN_CONFLICT, ORDER, Conduct
 from elicit.person.course.level_questions import known_question, level_question, order_question
 from elicit.person.course.start import Before, Start
 from elicit.person.findings import asked_levels
@@ -81,12 +81,21 @@ class NextQuestion:
             return known_question(asker.comparator, of, answered)
         return found
 
-    def still_needed(self, conduct: Conduct) -> tuple[int, int]:
+    def still_needed(self, conduct: Conduct, id: str) -> tuple[int, int]:
         """Return the numbers of answers, and of checks, that must come after this question."""
         if not self._subject.least:
             return 0, 0
-        checks = max(0, LEAST_CHECKS - conduct.checks) if self._session.audits else 0
-        return max(0, self._subject.least - conduct.with_verdict - 1), checks
+        answers = conduct.with_verdict + (not self._session.is_repeat(id))
+        further = max(0, self._subject.least - answers)
+        return further, self._session.checks_left(id, further)
+
+    def only_checks(self) -> bool:
+        """Return whether no question is left but those that are still needed."""
+        if not self._subject.least or self._chosen.more:
+            return False
+        enough = self._subject.enough
+        over = self._session.next_told() is None
+        return over and (enough is None or enough(self._session.result()))
 
     def _replacement(self, query: Query, answered: Callable[[Query], bool]) -> Query | None:
         """Return a query to put in place of the asker's ``query``, or None to put that.
@@ -108,7 +117,12 @@ class NextQuestion:
     def _order_check(self, k: int) -> Query | None:
         """Return the check question about two neighbouring levels that is due, or None."""
         conduct = self._session.conduct()
-        n = sum(entry.answer.query.id.startswith(ORDER) for entry in self._session.log)
+        # one that was taken back as a contradiction has been answered: it is a failed check
+        n = sum(
+            entry.answer.query.id.startswith(ORDER)
+            and (entry.stands or IN_CONFLICT in (entry.retraction or {}))
+            for entry in self._session.log
+        )
         due = (conduct.answered >= _ORDER_AFTER) + (conduct.differed > 0)
         if not self._session.audits or k < 3 or n >= due:
             return None

@@ -230,65 +230,53 @@ def _tutor(
 
 
 def what_is_open(shown: Shown, comparator: Comparator) -> str | None:
-    """Return a sentence on what the comparator does not know about a question.
+    """Return a sentence on what the comparator does not know about the levels in a question.
 
-    The result is None if it knows nothing.
+    Values are on the scale from 0 (the worst level) to 100 (the best). The result is None if the
+    comparator bounds no value.
     """
-    level = trusted_share(comparator)
-    sure = "" if level is None else f" with {level:.0%} probability"
     left, right = shown.vectors
-    d = left - right
-    sides = np.flatnonzero(d > 0), np.flatnonzero(d < 0)
-    labels = [printable(label) for label in shown.labels]
-    for one, (low, *rest) in (
-        (a, b) for a, b in (sides, sides[::-1]) if len(a) == 1 and len(b) == 2
-    ):
-        level, (high,) = int(one[0]), rest
-        if low < level < high:
-            least, most = _place(comparator, int(low), level, int(high))
-            so_far = f" So far it is between {least} and {most}{sure}."
-            return (
-                f"We don't yet know how good you think “{labels[level]}” is, from 0 "
-                f"({labels[low]}) to 100 ({labels[high]})."
-                f"{so_far if (least, most) != (0, 100) else ''}"
-            )
-    total = float(left.sum())
-    worth = np.array([float(bound[0]) for bound in bounds_of(comparator, d[None, :])]) * (
-        100.0 / total
-    )
-    if not np.isfinite(worth).all():
+    k = comparator.k
+    low, high = (100.0 * bound for bound in bounds_of(comparator, np.eye(k) - np.eye(k)[0]))
+    if not (np.isfinite(low).all() and np.isfinite(high).all()):
         return None
-    least, most = (-worth[::-1] if shown.swapped else worth).tolist()
-    measure = f"on a scale from 0 (all {labels[0]}) to 100 (all {labels[-1]})"
-    if least < 0 < most:
-        return (
-            f"We don't yet know which of the two you prefer. So far A is between {_up(-least)} "
-            f"worse and {_up(most)} better than B{sure}, {measure}."
-        )
-    near, far = sorted((abs(least), abs(most)))
-    return (
-        "We don't yet know how much better one of the two is. So far the difference is between "
-        f"{int(near)} and {_up(far)}{sure}, {measure}."
-    )
+    labels = [f"“{printable(label)}”" for label in shown.labels]
+    levels = [j for j in np.flatnonzero(left != right).tolist() if 0 < j < k - 1][::-1]
+    scale = f"from 0 ({printable(shown.labels[0])}) to 100 ({printable(shown.labels[-1])})"
+    ranges = {j: (max(0, _down(low[j])), min(100, _up(high[j]))) for j in levels}
+    known = {j: found for j, found in ranges.items() if found != (0, 100)}
+    named = [labels[j] for j in levels if j not in known]
+    said = []
+    if known:
+        share = trusted_share(comparator)
+        apiece = " each" if len(known) > 1 else ""
+        sure = "" if share is None else f" (with {share:.0%} probability{apiece})"
+        each = _listed([f"{labels[j]} is between {a} and {b}" for j, (a, b) in known.items()])
+        said.append(f"So far {each}{sure}, on the scale {scale}.")
+    if named:
+        where = "on that scale" if known else scale.replace("from", "on the scale from", 1)
+        said.insert(0, f"We don't yet know how good {_listed(named)} {_is(named)}, {where}.")
+        if known:
+            said.reverse()
+    return " ".join(said) or None
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Return names in a sentence: "a, b and c"."""
+    *first, last = names
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+def _is(names: Sequence[str]) -> str:
+    return "is" if len(names) == 1 else "are"
 
 
 def _up(number: float) -> int:
     return int(np.ceil(number - 1e-6))
 
 
-def _place(comparator: Comparator, low: int, level: int, high: int) -> tuple[int, int]:
-    """Return whole numbers between which the value of a level lies.
-
-    A lower level counts as 0, and a higher one as 100.
-    """
-    shares = np.linspace(0.0, 1.0, 101)
-    d = np.zeros((101, comparator.k))
-    d[:, level] = 1.0
-    d[:, low] -= 1.0 - shares
-    d[:, high] -= shares
-    least, most = bounds_of(comparator, d)
-    above, below = np.flatnonzero(least >= -1e-9), np.flatnonzero(most <= 1e-9)
-    return int(above.max(initial=0)), int(below.min(initial=100))
+def _down(number: float) -> int:
+    return int(np.floor(number + 1e-6))
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,9 @@ from functools import partial
 from inspect import Parameter, signature
 from typing import Any, NamedTuple
 
+from elicit._support.background import MadeAhead
 from elicit.model.query import Answer, InconsistentAnswers
 from elicit.person.asker import AfterAnswer, Asker, MakeAsker, Supposed, counts, tell
-from elicit.person.background import MadeAhead
 from elicit.tutors.answer_log import CONTRADICTS, WHO, AnswerLog, Entry
 
 _MOST_TOLD_AGAIN = 60

@@ -35,7 +35,7 @@ caption { text-align: left; color: var(--soft); padding-bottom: .4rem; }
 th, td { box-sizing: border-box; text-align: left; vertical-align: top; font-weight: 400; padding: .3rem .6rem;
   border-top: 1px solid var(--line); }
 thead th, thead td { font-size: .85rem; color: var(--soft); border-top: 0; vertical-align: bottom; }
-.number { text-align: right; } .guess { width: 12%; } .range { width: 16%; } .drawn { width: 48%; padding: 0 1.2rem; }
+.number { text-align: right; } .guess { width: 20%; } .range { width: 15%; } .drawn { width: 43%; padding: 0 1.2rem; }
 .scale tbody * { vertical-align: middle; } .nr { width: 3.2rem; overflow-wrap: normal; } .when { width: 11.2rem; } .remarks { width: 28%; }
 .levels th { width: 34%; }
 svg { display: block; width: 100%; overflow: visible; }
@@ -60,19 +60,29 @@ summary { cursor: pointer; color: var(--link); padding: .3rem 0; } details > tab
   .many td { border-top: 0; padding: .1rem 0; display: flex; justify-content: space-between; gap: .6rem; }
   .many td:first-child { grid-column: 1 / -1; font-weight: 600; }
   .many td:not(:first-child)::before { content: attr(data-head); color: var(--soft); }
+  .many td:is([data-head="Why"], [data-head^="With "], [data-head^="By "]) { grid-column: 1 / -1; justify-content: flex-start; }
+  .many td:is([data-head="Why"], [data-head^="With "], [data-head^="By "])::before { flex: 0 0 8.5rem; overflow-wrap: normal; }
   .answers tr { display: grid; grid-template-columns: 2.2rem minmax(0, 1fr); border-top: 1px solid var(--line); }
   .answers td { border-top: 0; padding: .1rem .2rem; } .answers td:nth-child(n+3) { grid-column: 2; }
   .answers td:empty { display: none; }
 }
+.printed { display: none; }
+@page { margin: 14mm; }
 @media print {
-  body { margin: 0; max-width: none; font-size: 11pt; } thead { display: table-header-group; }
+  body { margin: 0; max-width: none; font-size: 9.5pt; line-height: 1.35; } thead { display: table-header-group; }
+  h1 { font-size: 15pt; } h2 { font-size: 11.5pt; margin: 1rem 0 .3rem; } .headline { font-size: 12.5pt; }
+  table { font-size: 8pt; } .scale { font-size: 9.5pt; } th, td { padding: .12rem .4rem; } .shown { font-size: 7.5pt; }
+  thead th, thead td, dl { font-size: 8pt; } .when { width: 6.5rem; } .nr { width: 2rem; } .remarks { width: 22%; }
+  svg { height: 24px; } thead svg { height: 18px; }
   tr, .conflict, h2 { break-inside: avoid; } h2 { break-after: avoid; }
+  .long, .cut tbody tr:nth-child(n+41) { display: none; } .printed { display: block; font-style: italic; }
   details::details-content { content-visibility: visible; block-size: auto; }
   * { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
 }
 """  # noqa: E501
 
 
+_MOST_PRINTED = 40  # rows of a table, as the style has it: the paper is for reading, not for filing
 _FEW_COLUMNS = 3  # that fit beside each other on a phone
 
 
@@ -163,12 +173,16 @@ def report_page(
         parts += _changes(end["changes"])
     if plan := end.get("plan"):
         parts += [f"<h2>{escaped(plan['title'])}</h2>", f"<p>{escaped(plan['note'])}</p>"]
-        parts.append(f"<details><summary>Every {escaped(plan['of'])}</summary>")
-        parts += [*_rows_of(plan), "</details>"]
+        n = len(plan["rows"])
+        long = ' class="long"' if n > _MOST_PRINTED else ""
+        parts.append(f"<details{long}><summary>Every {escaped(plan['of'])} ({n})</summary>")
+        parts += [*_rows_of(plan, cut=False), "</details>"]
+        if long:
+            parts.append(_not_printed(f"The table of all {n} {plan['of']}s"))
     if details.preamble or details.legend:
         asked = asked_about(details.preamble, details.legend)
         parts += ["<h2>What was asked</h2>", *asked]
-    taken_back = sum(one["number"] is None for one in answers)
+    taken_back = sum(not _is_counted(one) for one in answers)
     besides = f", and {taken_back} taken back" if taken_back else ""
     listed = f"Every answer, oldest first ({len(answers) - taken_back}{besides})"
     parts += ["<h2>Answers</h2>", f"<details><summary>{listed}</summary>"]
@@ -223,16 +237,29 @@ def _changes(changes: Mapping[str, Any]) -> Iterator[str]:
         yield "</details>"
 
 
-def _rows_of(table: Mapping[str, Any]) -> Iterator[str]:
+def _not_printed(what: str) -> str:
+    """Return a sentence that stands on paper only."""
+    return (
+        f'<p class="printed">{escaped(what)} is not printed. It is on this page on a screen, and '
+        "in the tables that can be downloaded beside it.</p>"
+    )
+
+
+def _rows_of(table: Mapping[str, Any], cut: bool = True) -> Iterator[str]:
+    """Return a table. On paper a long one is cut off, unless all of it is left out."""
     if table["rows"]:
+        more = len(table["rows"]) - _MOST_PRINTED
         head = "".join(f'<th scope="col">{escaped(name)}</th>' for name in table["columns"])
         many = " many" if len(table["columns"]) > _FEW_COLUMNS else ""
+        many += " cut" if cut and more > 0 else ""
         yield f'<table class="wide{many}">\n<thead><tr>{head}</tr></thead>\n<tbody>'
         for row in table["rows"]:
             cells = zip(table["columns"], row, strict=True)
             each = (f'<td data-head="{escaped(name)}">{escaped(cell)}</td>' for name, cell in cells)
             yield f"<tr>{''.join(each)}</tr>"
         yield "</tbody>\n</table>"
+        if cut and more > 0:
+            yield _not_printed(f"The rest of this table ({more} more rows)")
 
 
 def asked_about(preamble: str, legend: Mapping[str, Any] | None) -> Iterator[str]:
@@ -343,11 +370,16 @@ def conflict_box(entries: Sequence[Mapping[str, Any]]) -> str:
     """Return a box with answers that contradict each other, as HTML."""
     items = "".join(f"<li>{escaped(entry['sentence'])}</li>" for entry in entries)
     said = (
-        f"These {len(entries)} answers contradict each other. Withdrawing any one of them fixes it."
+        f"These {len(entries)} answers contradict each other. Taking back any one of them fixes it."
     )
     if len(entries) == 1:
         said = "This answer goes against the order of the levels."
     return f'<div class="conflict"><p>{said}</p><ul>{items}</ul></div>'
+
+
+def _is_counted(answer: Mapping[str, Any]) -> bool:
+    """Return whether an answer stands, or is a check that was settled since."""
+    return bool(not answer["withdrawn"] or (answer["repeat"] and answer.get("replaced")))
 
 
 def _answers(
@@ -369,14 +401,14 @@ def _answers(
             "asked again as a check": one["repeat"],
             "settled since": replaced and one["repeat"],
         }
-        counts = one["number"] is not None
+        counts = _is_counted(one)
         said = escaped(one["sentence"]) if counts else f"<s>{escaped(one['sentence'])}</s>"
         if one.get("shown"):
             said += f'<br><span class="soft shown">{escaped(one["shown"])}</span>'
         when = escaped((one["time"] or "")[:16].replace("T", " "))
         noted = ", ".join(words for words, holds in remarks.items() if holds)
         yield (
-            f"<tr><td>{one['number'] or ''}</td><td>{said}</td>"
+            f"<tr><td>{one['number']}</td><td>{said}</td>"
             f'<td class="soft">{when}</td><td>{noted}</td></tr>'
         )
     yield "</tbody>\n</table>"

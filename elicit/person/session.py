@@ -21,6 +21,7 @@ from elicit._support.hashing import Seed
 from elicit._support.seeds import seed_of
 from elicit._support.validation import is_number, require
 from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.model.comparator import bounds_of
 from elicit.model.comparator_parts import tie_of
 from elicit.model.difference import tail_sums
 from elicit.model.pairs import same_pairs
@@ -35,7 +36,7 @@ from elicit.person.asker import (
     Supposed,
     counts,
 )
-from elicit.person.course.conduct import SETTLED, Conduct, Repeats, differs, repeats_in
+from elicit.person.course.conduct import ORDER, SETTLED, Conduct, Repeats, differs, repeats_in
 from elicit.person.replayed_asker import ReplayedAsker
 from elicit.tutors.answer_log import (
     EXPECTED,
@@ -50,6 +51,7 @@ from elicit.tutors.answer_log import (
 # share of the value range by which two sides called equal may differ without a contradiction: half
 # a person of ten
 _ABOUT_EQUAL = 0.05
+_CERTAIN = 1e-9  # difference, a share of the value range, from which one side is certainly better
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,7 @@ class SessionStatus:
         more = {"equal": self.equal, "cannot tell": self.cannot_tell, "unused": self.unused}
         among = ", ".join(f"{n} {name}" for name, n in more.items() if n)
         state = "finished" if self.finished else "a question waits"
-        taken_back = f", {self.withdrawn} withdrawn" if self.withdrawn else ""
+        taken_back = f", {self.withdrawn} taken back" if self.withdrawn else ""
         again = f", {self.alike} of {self.repeated} repeats as before" if self.repeated else ""
         return (
             f"{state}: {self.answered} answered{f' ({among})' if among else ''}{taken_back}{again}"
@@ -237,6 +239,19 @@ class Session(Closing):
     def confirming(self) -> Query | None:
         """Return an earlier question that should be put again before the end, or None."""
         return self._repeats.confirming(self.conduct()) if self.audits else None
+
+    def checks_left(self, id: str, further: int) -> int:
+        """Return the fewest checks that must come after the pending question of this id.
+
+        There are no more than questions to put again, if so many ``further`` answers come.
+        """
+        if not self.audits:
+            return 0
+        repeat = self.is_repeat(id)
+        needed = self.conduct().checks_left - (repeat or id.startswith(ORDER))
+        # it uses up one that may be repeated, and the last answer is repeated after another one
+        repeatable = self._repeats.left() + further - 2 * repeat
+        return max(0, min(needed, repeatable))
 
     def checking(self) -> Query | None:
         """Return an earlier question that is due to be put again now, or None."""
@@ -525,19 +540,8 @@ class Session(Closing):
         standing = self._log.standing
         if not rest or rest[-1] is not standing[-1]:
             return ()
-        rest = [entry for entry in rest if entry.answer.who == rest[-1].answer.who]
-        *earlier, last = rest
-        said = [(entry.answer.query.id, entry.answer.verdict) for entry in rest]
-        if self._consistent is not None and self._consistent[1] == said[:-1]:
-            comparator, _, kept = self._consistent
-        else:
-            comparator, kept = self._reliable(len(last.answer.query.left)), []
-            for entry in earlier:
-                try:
-                    comparator = comparator.update(Answers.of([entry.answer], comparator.k))
-                    kept = [*kept, entry]
-                except InconsistentAnswers:
-                    pass  # brought up when it was the last one
+        *earlier, last = rest = [e for e in rest if e.answer.who == rest[-1].answer.who]
+        comparator, kept = self._taken_for_true(earlier, len(last.answer.query.left))
         among: tuple[Entry, ...] = ()
         try:
             comparator = comparator.update(Answers.of([last.answer], comparator.k))
@@ -545,8 +549,41 @@ class Session(Closing):
         except InconsistentAnswers as error:
             told = [*kept, last]
             among = tuple(told[row] for row in sorted({row for row, _ in error.answers}))
-        self._consistent = comparator, said, kept
+        self._consistent = comparator, _said(rest), kept
         return among
+
+    def implied(self, query: Query) -> bool:
+        """Return whether a person's answers, if each is right, say which side of a query is better.
+
+        Answers that contradict earlier ones are left out.
+        """
+        who = self.answering(query)
+        told = [e for e in self._log if counts(e) and e.answer.verdict is not None]
+        comparator, _ = self._taken_for_true(
+            [entry for entry in told if entry.answer.who == who], len(query.left)
+        )
+        low, high = bounds_of(comparator, query.d[None, :])
+        return bool(low[0] > _CERTAIN or high[0] < -_CERTAIN)
+
+    def _taken_for_true(
+        self, entries: Sequence[Entry], k: int
+    ) -> tuple[PolytopeComparator, list[Entry]]:
+        """Return a comparator that takes answers for true, and those that contradict none before.
+
+        It is kept, for the same answers are often needed again.
+        """
+        said = _said(entries)
+        if self._consistent is not None and self._consistent[1] == said:
+            return self._consistent[0], self._consistent[2]
+        comparator, kept = self._reliable(k), list[Entry]()
+        for entry in entries:
+            try:
+                comparator = comparator.update(Answers.of([entry.answer], comparator.k))
+                kept.append(entry)
+            except InconsistentAnswers:
+                pass  # brought up when it was the last one
+        self._consistent = comparator, said, kept
+        return comparator, kept
 
     def status(self) -> SessionStatus:
         """Return the state of the session.
@@ -621,6 +658,11 @@ class Session(Closing):
             return PolytopeComparator(k, known.margin, known.prior, known.tie)
         # who counts in ten people must round, and such a comparator learns how far "equal" reaches
         return PolytopeComparator(k, tie=max(tie_of(known), _ABOUT_EQUAL))
+
+
+def _said(entries: Sequence[Entry]) -> list[Any]:
+    """Return what tells these answers from others."""
+    return [(entry.answer.query.id, entry.answer.verdict) for entry in entries]
 
 
 def _last_answer(entries: Sequence[Entry], id: str) -> Answer | None:

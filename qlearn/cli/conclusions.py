@@ -100,7 +100,7 @@ def policy_conclusion(
         before=unasked,
         changes=_changes(told, mdp, action_words, result, differing),
         plan=_plan(told, mdp, action_words, result, differing),
-        result=_whole_policy(mdp, action_words, result, differing),
+        result=_whole_policy(told, mdp, action_words, result, differing),
         settled=settled,
         early=f"So far, compared with your ideal plan, your plan loses at most {most}. Your "
         "answers are not checked yet.",
@@ -135,6 +135,33 @@ def _differing(mdp: OrdinalMDP, result: Result) -> _Differing:
     return _Differing(equal, states, holds)
 
 
+def _reasons(told: InWords, result: Result, differing: _Differing) -> dict[int, str]:
+    """Return a clause for each state that differs: the level that makes the learned action better.
+
+    An action leads to more of some levels and less of others than that of equal steps. A level
+    matters as much as the difference, times that of its value from its value with equal steps. The
+    value is the best guess; "may" says that its range includes that of equal steps.
+    """
+    equal, states, _ = differing
+    value, steps = best_guess(result.comparator), np.linspace(0.0, 1.0, len(told.labels))
+    d = result.q[states, result.policy[states]] - result.q[states, equal[states]]
+    ends = np.eye(len(told.labels)) - np.eye(len(told.labels))[0]
+    low, high = bounds_of(result.comparator, ends)
+    found = {}
+    for state, more in zip(states.tolist(), d, strict=True):
+        matters = more * (value - steps)
+        level = int(np.argmax(matters))
+        found[state] = "what follows in the rest of the plan"
+        if matters[level] > 0 >= product(more, steps):
+            grows = "more" if more[level] > 0 else "less"
+            sure = low[level] > steps[level] or high[level] < steps[level]
+            found[state] = (
+                f"{grows} “{printable(told.labels[level])}”, which you "
+                f"{'value' if sure else 'may value'} {grows} than {100 * steps[level]:.0f}"
+            )
+    return found
+
+
 def _changes(
     told: InWords,
     mdp: OrdinalMDP,
@@ -144,6 +171,7 @@ def _changes(
 ) -> ResultTable:
     """Return the states in which the answers change the action, for certain or perhaps."""
     equal, states, holds = differing
+    why = _reasons(told, result, differing)
     live, n = int(np.count_nonzero(~mdp.terminal)), int(holds.sum())
     rest = len(states) - n
     some = ""
@@ -163,13 +191,15 @@ def _changes(
         title = f"Your answers do not change the {told.plan}"
     if n and rest:
         some += f" In {rest} more your answers may change it, but that is still open."
-    note = f"Compared with equal steps between the levels.{some}"
+    why_note = " “Why” names the level that matters most, and its value with equal steps."
+    note = f"Compared with equal steps between the levels.{some}{why_note if why else ''}"
     certain, perhaps = (
         tuple(
             (
                 told.state_words(mdp.state_name(s)),
                 action_words(int(equal[s])),
                 action_words(int(result.policy[s])),
+                why[s],
             )
             for s in some_states.tolist()
         )
@@ -177,7 +207,7 @@ def _changes(
     )
     still_open = ResultTable(
         f"Still open in {rest} of {live} {told.states}",
-        ("State", "With equal steps", "By the best guess so far"),
+        ("State", "With equal steps", "By the best guess so far", "Why"),
         perhaps,
         "Here the best guess so far differs from equal steps, but your answers do not decide it."
         + (" It matters too little to ask more." if result.loss_bound <= told.tolerance else ""),
@@ -185,7 +215,7 @@ def _changes(
     )
     return ResultTable(
         title,
-        ("State", "With equal steps", "With your values"),
+        ("State", "With equal steps", "With your values", "Why"),
         certain,
         f"{note} {told.legend}",
         open=still_open if rest else None,
@@ -226,22 +256,28 @@ def _plan(
 
 
 def _whole_policy(
-    mdp: OrdinalMDP, action_words: Callable[[int], str], result: Result, differing: _Differing
+    told: InWords,
+    mdp: OrdinalMDP,
+    action_words: Callable[[int], str],
+    result: Result,
+    differing: _Differing,
 ) -> ResultTable:
     """Return the action in every state that is not terminal, as a table to download."""
     equal, states, holds = differing
     change = dict(zip(states.tolist(), holds.tolist(), strict=True))
-    words = {True: "certain", False: "open", None: "none"}
+    words, why = {True: "certain", False: "open", None: "none"}, _reasons(told, result, differing)
     rows = tuple(
         (
             mdp.state_name(s),
             action_words(int(result.policy[s])),
             action_words(int(equal[s])),
             words[change.get(s)],
+            why.get(s, ""),
         )
         for s in np.flatnonzero(~mdp.terminal).tolist()
     )
-    return ResultTable("Plan", ("state", "action", "action_with_equal_steps", "change"), rows)
+    columns = ("state", "action", "action_with_equal_steps", "change", "why")
+    return ResultTable("Plan", columns, rows)
 
 
 def icu_state(name: str) -> str:
@@ -302,8 +338,9 @@ def choice_conclusion(
     if settled:
         near = result.status is Status.CALLED_EQUAL and result.loss_bound > 0
         equal = ", or as good as any" if near else ""
-        headline = f"By your answers “{result.name}” is best{equal}. {no_better}"
+        headline = f"By your answers “{result.name}” is best{equal}."
         headline = f"{headline} {_nearly_as_good(names, shares, result)}".strip()
+        sure = f"{no_better} {sure}"
         after = "You can stop here."
         more = "More answers would make it surer." if result.loss_bound > 0 else ""
     else:

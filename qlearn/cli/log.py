@@ -122,7 +122,7 @@ def merge(files: list[Path], out: Path, salvage: bool) -> int:
         return fail(error)
     print(f"written to {out}: {sum(map(len, logs))} answers of {len(logs)} logs", end="")
     print(
-        "; what stood behind the damage is not among them, also where it withdrew an answer"
+        "; what stood behind the damage is not among them, also where it took back an answer"
         if faults
         else ""
     )
@@ -169,9 +169,11 @@ def _complain(faults: list[BadLog | OSError]) -> int:
 
 
 def _row(
-    number: int | None, entry: Entry, put: Mapping[str, Any] | None, labels: Sequence[str] | None
+    number: int, entry: Entry, put: Mapping[str, Any] | None, labels: Sequence[str] | None
 ) -> tuple[str, ...]:
     """Return an answer as cells of a table, in the words of the screen if the log has them."""
+    from elicit.person.course.counts import is_counted
+
     verdict = entry.answer.verdict
     sides, about = {1: "left", -1: "right"}, " ".join(entry.answer.query.about.split())
     shown = " (shown right to left)" if entry.answer.swapped else ""
@@ -182,8 +184,8 @@ def _row(
     word = "cannot tell" if verdict is None else {0: "equal", **sides}[int(verdict)]
     standing = ", repeat" if entry.repeat else "" if entry.used else ", unused"
     # a repeat whose difference the person has settled still counts as an answer
-    withdrawn = ", withdrawn" if number is None else ", repeat, settled since"
-    state = withdrawn if entry.retracted else standing
+    taken_back = ", repeat, settled since" if is_counted(entry) else ", taken back"
+    state = taken_back if entry.retracted else standing
     said = {
         name: str(entry.metadata[name])
         for name in ("time", "who", "latency")
@@ -192,7 +194,7 @@ def _row(
     time, who, latency = (said.get(name, "") for name in ("time", "who", "latency"))
     query = entry.answer.query
     return (
-        "" if number is None else str(number),
+        str(number),
         time,
         who,
         query.id,

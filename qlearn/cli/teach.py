@@ -69,8 +69,8 @@ def add_to(commands: Any) -> None:
         "before the next "
         "question, and says at the end what was learned. Leave at any moment, and start the same "
         "command to go on. "
-        "Answers are lines of standard input: a, b, e (equal), ? (cannot tell), u (undo), w (why), "
-        "f (finish now), q (quit).",
+        "Answers are lines of standard input: a, b, e (equal), ? (cannot tell), u (take back the "
+        "last answer), w (why), f (finish now), q (quit).",
     )
     command.set_defaults(command=run)
     command.add_argument(

@@ -25,15 +25,15 @@ _MEANS: dict[str, _Key] = {
     "b": "b",
     **dict.fromkeys(("e", "equal"), "equal"),
     **dict.fromkeys(("?", "cannot tell"), "cannot tell"),
-    **dict.fromkeys(("u", "undo"), "undo"),
+    **dict.fromkeys(("u", "undo", "take back"), "undo"),
     **dict.fromkeys(("w", "why"), "why"),
     **dict.fromkeys(("f", "finish now"), "finish"),
     **dict.fromkeys(("q", "quit"), "quit"),
 }
 # only the keys and the words that this line offers are answers
-_KEYS = "a or b: that one; e: equal; ?: cannot tell; u: undo; w: why; f: finish now; q: quit"
-_KEYS_AT_THE_END = "Enter: what was learned; u: undo; q: quit"
-_KEYS_WITH_MORE = "Enter: what was learned; m: more questions; u: undo; q: quit"
+_KEYS = "a or b: that one; e: equal; ?: cannot tell; u: take back; w: why; f: finish now; q: quit"
+_KEYS_AT_THE_END = "Enter: what was learned; u: take back; q: quit"
+_KEYS_WITH_MORE = "Enter: what was learned; m: more questions; u: take back; q: quit"
 _WIDEST = 100
 _MOST_CHANGES = 12  # lines of a table
 _BAR = 40  # columns of an interval, at most
@@ -105,6 +105,8 @@ class Terminal:
                     self._say(
                         f"\nQuestion {screen['question']['number']}{self._more_to_come(screen)}\n"
                     )
+                    if screen["question"]["check"]:
+                        self._say(screen["question"]["check"])
                     key = self._put()
                 case "conflict" | "offer":
                     after = self._one_of(screen)
@@ -131,7 +133,7 @@ class Terminal:
                     self._why(screen)
                 case "undo" if screen["stage"] != "practice":
                     if screen["last"] is None:
-                        self._say("There is no answer to undo.")
+                        self._say("There is no answer to take back.")
                     else:
                         screen = self._handle("undo", id=screen["last"]["id"])
                 case _ if screen["stage"] == "practice":
@@ -174,7 +176,9 @@ class Terminal:
             after = left.get(option.get("choice"), "")
             self._say(f"{number}: {option['label']}.{f' {after}' if after else ''}")
         numbers = {f"{i}": f"{i}" for i in range(1, len(options) + 1)}
-        key = self._read(numbers, "quit", f"a number from 1 to {len(options)}; u: undo; q: quit")
+        key = self._read(
+            numbers, "quit", f"a number from 1 to {len(options)}; u: take back; q: quit"
+        )
         if key == "quit":
             return None
         if key == "undo":
@@ -312,7 +316,7 @@ def report_lines(screen: dict[str, Any], width: int) -> list[str]:
         if changes["open"]:
             lines += _table_lines(changes["open"])
     for conflict in end["conflicts"]:
-        many = "These answers contradict each other. Withdrawing any one of them fixes it."
+        many = "These answers contradict each other. Taking back any one of them fixes it."
         one = "This answer goes against the order of the levels."
         lines.append(f"\n{one if len(conflict) == 1 else many}")
         lines += [f"  - {entry['sentence']}" for entry in conflict]
@@ -325,11 +329,11 @@ def _table_lines(table: dict[str, Any]) -> Iterator[str]:
     yield table["note"]
     for first, *cells in table["rows"][:_MOST_CHANGES]:
         if table["of"] == "state":
-            other, mine = cells
-            yield f"  - {first}: {mine}, not {other}"
+            other, mine, why = cells
+            yield f"  - {first}: {mine}, not {other} ({why})"
         elif table["of"] == "open state":
-            other, mine = cells
-            yield f"  - {first}: perhaps {mine} in place of {other}"
+            other, mine, why = cells
+            yield f"  - {first}: perhaps {mine} in place of {other} ({why})"
         else:
             each = zip(table["columns"][1:], cells, strict=True)
             yield f"  - {first}: {', '.join(f'{name} {cell}' for name, cell in each)}"

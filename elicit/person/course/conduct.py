@@ -38,6 +38,7 @@ _AS_TAKEN_BACK = 2
 _FEW = 3  # answers of one kind that are worth a remark at the end
 _SIDE_AT_END = 8
 _DIFFERED = 2  # checks answered differently that are worth a remark
+_LIKE_GUESSES = "Your answers cannot be told from guesses yet."
 _BY_CHANCE = 0.5  # least share of checks that answers by chance answer differently
 _BY_SLIPS = 0.15  # share that a person who means the answers answers differently
 _LIKELIER = 2.0  # "by chance" must be this many times likelier to be said
@@ -180,6 +181,15 @@ class Conduct:
         return alike >= LEAST_CHECKS + _MORE_ALIKE * self.differed
 
     @property
+    def checks_left(self) -> int:
+        """The fewest checks that must still come before the end, if there is enough to repeat."""
+        if self.passed or self.like_chance:
+            return 0
+        alike = self.checks - self.differed
+        needed = LEAST_CHECKS + _MORE_ALIKE * self.differed - alike
+        return max(0, min(needed, MOST_CHECKS - self.checks))
+
+    @property
     def unresolved(self) -> bool:
         """True if some check was answered differently, and more checks would explain it."""
         may = self.checks < MOST_CHECKS and not self.like_chance
@@ -187,18 +197,25 @@ class Conduct:
 
     @property
     def by_chance(self) -> str:
-        """A sentence on how often answers by chance would do as well in the checks, or ""."""
+        """A sentence on how often guesses would do as well in the checks, and why, or ""."""
         if not self.checks:
             return ""
         as_well = sum(math.comb(self.checks, n) for n in range(self.differed + 1))
         cases = 2**self.checks // as_well
+        order = ""
+        if self.checks > self.repeated:
+            alike = self.checks - self.differed
+            order = (
+                f"With the order of the levels, {alike} of {self.checks} checks were answered as "
+                "expected. "
+            )
+        half = f"{order}Someone who guesses is right in half of the checks"
         if cases < 2:
-            return "Someone who guesses would do as well in half of such interviews or more."
-        tell = "hardly look like guesses" if cases >= _RARE else "cannot be told from guesses yet"
-        return (
-            f"Someone who guesses would do as well in at most 1 of {cases} such interviews, so "
-            f"your answers {tell}."
-        )
+            return f"{half}, and so does as well."
+        tell = "So your answers hardly look like guesses."
+        if cases < _RARE:
+            tell = "More checks would tell your answers from guesses."
+        return f"{half}, and does as well in 1 of {cases} interviews. {tell}"
 
     @property
     def offers(self) -> bool:
@@ -236,31 +253,33 @@ class Conduct:
                 f"You chose {side} {n} times in a row, although the sides are shuffled. Answers "
                 "that do not depend on the question would look the same."
             )
-        back = self.taken_back
-        both = back + _AS_TAKEN_BACK * self.differed
-        many = both > _TAKEN_BACK and both >= _SHARE_TAKEN_BACK * self.given
-        if self.differed and back >= _FEW and many:
-            return (
-                f"You took back {back} answers because they contradicted others, and answered "
-                f"{self.differed} of {self.checks} check questions differently. Your answers "
-                "cannot be told from guesses yet."
-            )
-        if back >= _TAKEN_BACK and back >= _SHARE_TAKEN_BACK * self.given:
-            return (
-                f"You took back {back} answers because they contradicted others. Perhaps one that "
-                "you kept is not what you mean. Your answers cannot be told from guesses yet."
-            )
-        few_alike = 2 * self.differed >= max(self.checks, 1) or (
-            self.differed >= _DIFFERED and not self.passed
-        )
+        return self._in_doubt(at_end)
+
+    def _in_doubt(self, at_end: bool) -> str | None:
+        """Return a sentence on why answers that differ look like guesses, or None.
+
+        Answers differ if they were taken back because they contradicted others, or if a check was
+        answered otherwise.
+        """
+        back, other = self.taken_back, self.differed
+        both = back + _AS_TAKEN_BACK * other
+        many_back = back >= _TAKEN_BACK and back >= _SHARE_TAKEN_BACK * self.given
+        many_both = both > _TAKEN_BACK and both >= _SHARE_TAKEN_BACK * self.given
+        many_both = many_both and other > 0 and back >= _FEW
+        few_alike = 2 * other >= max(self.checks, 1) or (other >= _DIFFERED and not self.passed)
         failed = self.checks >= MOST_CHECKS and not self.passed
-        if self.like_chance or failed or (at_end and few_alike):
-            return (
-                f"You answered {self.differed} of {self.checks} check questions differently from "
-                "before, or against the order of the levels. With so few checks your answers "
-                "cannot be told from guesses."
-            )
-        return None
+        many_other = self.like_chance or failed or (at_end and few_alike)
+        if not (many_back or many_both or many_other):
+            return None
+        found = []
+        if many_back or many_both:
+            found.append(f"took back {back} answers because they contradicted others")
+        if many_both or not found:
+            found.append(f"answered {other} of {self.checks} check questions differently")
+        perhaps = (
+            "" if many_both or many_other else " Perhaps one that you kept is not what you mean."
+        )
+        return f"You {', and '.join(found)}.{perhaps} {_LIKE_GUESSES}"
 
 
 class Repeats:
@@ -322,18 +341,26 @@ class Repeats:
 
         It is never the last one, which the person remembers.
         """
-        again = {entry.metadata[REPEATS] for entry in repeats_in(self._log)}
-        may = [
-            said.query
-            for said in first[:-1]
-            if said.verdict is not None
-            and said.query.id not in again
-            and not said.query.id.startswith((ORDER, SETTLED))
-        ]
+        may = self._repeatable(first[:-1])
         if not may:
             return None
         query = may[which % len(may)]
         return replace(query, id=f"{query.id}{AGAIN}")
+
+    def left(self) -> int:
+        """Return how many of the answered questions, the last one among them, may be put again."""
+        return len(self._repeatable([e.answer for e in self._log.standing if not e.repeat]))
+
+    def _repeatable(self, said: Sequence[Answer]) -> list[Query]:
+        """Return the queries among answers that may be put again."""
+        again = {entry.metadata[REPEATS] for entry in repeats_in(self._log)}
+        return [
+            one.query
+            for one in said
+            if one.verdict is not None
+            and one.query.id not in again
+            and not one.query.id.startswith((ORDER, SETTLED))
+        ]
 
     @staticmethod
     def names(id: str) -> bool:

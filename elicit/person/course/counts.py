@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 
 from elicit.model.query import Verdict
-from elicit.person.course.conduct import differs, repeats_in, was_settled
+from elicit.person.course.conduct import SETTLED, differs, repeats_in, was_settled
 from elicit.tutors.answer_log import Entry
 
 
@@ -89,23 +89,32 @@ class Counts:
 
 
 def is_counted(entry: Entry) -> bool:
-    """Return whether an answer is one of ``Counts.answered``, and so has a number in lists."""
+    """Return whether an answer is one of ``Counts.answered``."""
     return entry.stands or (entry.repeat and was_settled(entry))
 
 
-def numbered(log: Iterable[Entry]) -> list[tuple[int | None, Entry]]:
-    """Return the entries of a log with their numbers.
+def numbered(log: Iterable[Entry]) -> list[tuple[int, Entry]]:
+    """Return the entries of a log with the numbers of their questions.
 
-    Entries that count are numbered from 1 to ``Counts.answered``. Those that were taken back or
-    replaced have no number (None).
+    Questions are numbered in the order in which they were answered first. A number stays the same
+    when an answer is taken back, and when the question is put anew.
     """
-    found: list[tuple[int | None, Entry]] = []
-    n = 0
-    for entry in log:
-        counts = is_counted(entry)
-        n += counts
-        found.append((n if counts else None, entry))
-    return found
+    numbers: dict[str, int] = {}
+    return [
+        (numbers.setdefault(_question_of(entry.answer.query.id), len(numbers) + 1), entry)
+        for entry in log
+    ]
+
+
+def number_of(log: Iterable[Entry], id: str) -> int:
+    """Return the number of a question: its own if it was answered before, else the next one."""
+    numbers = {_question_of(entry.answer.query.id): number for number, entry in numbered(log)}
+    return numbers.get(_question_of(id), len(numbers) + 1)
+
+
+def _question_of(id: str) -> str:
+    """Return the id of the question that was put, also for an answer that stands for two."""
+    return id.removeprefix(SETTLED)
 
 
 def in_answers(n: int) -> str:

@@ -57,7 +57,7 @@ def as_json(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def answer_row(
-    number: int | None,
+    number: int,
     entry: Entry,
     shown: ShowsCounts,
     sentence: str,
@@ -69,8 +69,8 @@ def answer_row(
 
     Parameters
     ----------
-    number : int or None
-        Of the answer, from 1. None if it was taken back.
+    number : int
+        Of the question, from 1.
     entry : Entry
     shown : Shown
     sentence : str
@@ -100,7 +100,7 @@ def answer_row(
         "sentence": sentence,
         "seconds": entry.metadata.get("latency"),
         "used": use_of(entry, in_conflict),
-        "withdrawn": entry.retracted,
+        "taken_back": entry.retracted,
         "repeat": entry.repeat,
         "id": entry.answer.query.id,
     }

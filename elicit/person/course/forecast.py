@@ -90,13 +90,13 @@ def rise(loss: float | None, stated: Stated, exact: bool = False) -> str | None:
     if loss is None or before is None or not loss > before:
         return None
     said = (
-        "That is more than before: an answer since then fits the earlier ones less well than "
-        "expected, so more values are plausible again."
+        "That is more than before: your answers since then show that more values are plausible "
+        "than it seemed. This is normal, and more answers narrow them again."
     )
     if exact:
         said = (
-            "That is more than before: an answer since then changed the plan, and less is known "
-            "yet about the new one."
+            "That is more than before: your answers since then changed the plan, and less is known "
+            "yet about the new one. This is normal."
         )
     elif loss <= before * (1.0 + _ESTIMATE):
         return (

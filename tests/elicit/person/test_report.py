@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from elicit import AnswerLog, Interview, Session, Subject, Words
+from elicit import AnswerLog, Interview, Query, Session, Subject, Words
 from elicit.person.report import ReportDetails, report_page
 from tests.browser_cases import QUESTIONS, Listed
 from tests.page_parts import Parts
@@ -84,7 +84,7 @@ def test_a_report_marks_what_was_taken_back_repeated_or_does_not_go_together(
         "used": True,
         "repeat": False,
     }
-    gone = {**one, "number": None, "withdrawn": True, "used": False}
+    gone = {**one, "number": 3, "withdrawn": True, "used": False}
     again = {"repeat": True, "time": None}
     answers = [
         {**one, "id": "x", "number": 1, "sentence": "x rather than y", "used": False},
@@ -92,8 +92,8 @@ def test_a_report_marks_what_was_taken_back_repeated_or_does_not_go_together(
         {**one, "id": "y", "number": 2, "sentence": "y rather than x", **again},
     ]
     page = Parts(report_page("", "today", end, answers, waiting=False))
-    assert "1 x rather than y 2026-01-02 03:04 contradicts others, ignored z " in page.text
-    assert "ignored z rather than y 2026-01-02 03:04 taken back 2 " in page.text  # without a number
+    assert "1 x rather than y 2026-01-02 03:04 contradicts others, ignored 3 z " in page.text
+    assert "ignored 3 z rather than y 2026-01-02 03:04 taken back 2 " in page.text
     assert page.text.endswith("2 y rather than x contradicts others, asked again as a check")
     assert "Every answer, oldest first (2, and 1 taken back)" in page.text
     assert page.tags.count("s") == 1
@@ -123,3 +123,36 @@ def test_the_scale_of_a_report_is_drawn_to_its_numbers(end: dict[str, Any]) -> N
         5,
     ]
     assert "nswers are kept" not in page.text
+
+
+def test_on_paper_long_tables_are_left_out_or_cut_off_and_it_is_said(end: dict[str, Any]) -> None:
+    def table(n: int) -> dict[str, Any]:
+        rows = [[f"{i}", "do"] for i in range(n)]
+        return {"title": "T", "note": "", "columns": ["State", "Do"], "rows": rows, "of": "state"}
+
+    for n, said in ((40, 0), (41, 2)):
+        found = {**end, "changes": {**table(n), "open": None}, "plan": table(n)}
+        html = report_page("Mine", "today", found, [], False)
+        page = Parts(html)
+        assert page.text.count("is not printed. It is on this page on a screen") == said
+        assert html.count('<details class="long">') == html.count('many cut"') + said // 2
+        assert html.count("<tr><td") == 2 * n  # on a screen all is there
+    assert "The rest of this table (1 more rows) is not printed." in page.text
+    assert "The table of all 41 states is not printed." in page.text
+
+
+def test_the_counts_of_an_answer_add_up(tmp_path: Path) -> None:
+    """Those who are the same on both sides are said, so that all of them are there."""
+    query = Query("q", [0.5, 0.1, 0.4], [0.3, 0.5, 0.2])
+    subject = Subject(LABELS, Words("people"), least=0)
+    with (
+        Session(lambda known: Listed([query], known), tmp_path / "log.jsonl") as session,
+        Interview(session, subject) as interview,
+    ):
+        interview.handle({"do": "answer", "id": "q", "choice": "equal"})
+        shown = interview.handle({"do": "answers"})["answers"][0]["shown"]
+    assert "(Of 10 people; 6 are the same in both: " in shown
+    sides, same = shown.split("(Of 10 people; 6")
+    for side in (sides[: sides.index("B: ")], sides[sides.index("B: ") :]):
+        assert sum(map(int, re.findall(r"\d+", side))) == 4
+    assert sum(map(int, re.findall(r"\d+", same))) == 6

@@ -1,5 +1,6 @@
 """The table of what a person's answers change holds what is certain, and says how certain."""
 
+import re
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ def test_the_changes_listed_are_the_certain_ones(name: str, seed: int) -> None:
     make, sure = MAKERS[name]
     told, tutor = InWords(mdp.labels, Words(), 1e-4), FlippingTutor(values, 0.0)
     learner = InteractivePolicyIteration(mdp, make(4), tolerance=1e-4, bags=Bags(days=10))
-    equal, found = equal_gaps_policy(mdp), set()
+    equal, found, clauses = equal_gaps_policy(mdp), set(), 0
     for _ in range(10):
         result = learner.result()
         found_now = policy_conclusion(told, mdp, mdp.action_name, result, None)
@@ -35,7 +36,7 @@ def test_the_changes_listed_are_the_certain_ones(name: str, seed: int) -> None:
         states = np.flatnonzero(equal != result.policy)
         d = result.q[states, result.policy[states]] - result.q[states, equal[states]]
         certain = states[result.comparator.compare(d) == 1] if len(states) else states
-        assert [*changes.rows] == [
+        assert [row[:3] for row in changes.rows] == [
             (mdp.state_name(s), mdp.action_name(equal[s]), mdp.action_name(result.policy[s]))
             for s in certain.tolist()
         ]
@@ -66,11 +67,30 @@ def test_the_changes_listed_are_the_certain_ones(name: str, seed: int) -> None:
         if n and rest:
             note += f" In {rest} more your answers may change it, but that is still open."
         assert changes.title == title
+        if len(states):
+            note += " “Why” names the level that matters most, and its value with equal steps."
         assert changes.note.strip() == f"Compared with equal steps between the levels.{note}"
+        for state, row in zip(certain.tolist(), changes.rows, strict=True):
+            why, more = row[3], d[states.tolist().index(state)]
+            if why != "what follows in the rest of the plan":
+                grows, label = re.fullmatch(
+                    r"(more|less) “(.*)”, which you (?:may )?value \1 than \d+", why
+                ).groups()
+                level = mdp.labels.index(label)
+                assert (more[level] > 0) == (grows == "more")
+                if "may" not in why:  # it holds for every plausible scale
+                    apart = (
+                        np.eye(4)[[level]]
+                        - np.eye(4)[[0]]
+                        - level / 3 * (np.eye(4)[[3]] - np.eye(4)[[0]])
+                    )
+                    assert result.comparator.compare(apart)[0] == (1 if grows == "more" else -1)
+                    clauses += 1
         if not (queries := learner.ask()):
             break
         learner.tell([tutor(query) for query in queries])
     assert len(found) >= 3  # kinds of tables
+    assert clauses
 
 
 @pytest.mark.parametrize(
@@ -85,5 +105,6 @@ def test_an_alternative_that_is_nearly_as_good_is_named(second: list[float], sai
     names = ["first", "other", "third"]
     result = choose(shares, PolytopeComparator(3), names=names).result()
     told = InWords(("bad", "middle", "good"), Words(), 0.01)
-    headline = choice_conclusion(told, names, shares, result, None).headline
-    assert headline == f"By your answers “first” is best. No other alternative is better.{said}"
+    found = choice_conclusion(told, names, shares, result, None)
+    assert found.headline == f"By your answers “first” is best.{said}"
+    assert found.sure.startswith("No other alternative is better. This holds ")

@@ -45,7 +45,7 @@ def test_show(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         ["1", "ann", "a", "left", "(shown", "right", "to", "left)", "2.5", "ward", "3", "or", "4?"],
         ["2", "bob", "b", "cannot", "tell"],
         ["3", "c", "right,", "unused"],
-        ["d", "equal,", "withdrawn"],
+        ["4", "d", "equal,", "taken", "back"],
     ]
     assert counted == COUNTED
 

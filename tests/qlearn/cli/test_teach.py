@@ -365,12 +365,12 @@ def test_words_for_keys_undo_and_quit(
     code, shown, _ = taught(typed, monkeypatch, capsys, table, "--comparator", "posterior")
     assert code == 0
     assert (
-        "'what' is no answer here. a or b: that one; e: equal; ?: cannot tell; u: undo; w: why; f: "
-        "finish now; q: quit" in " ".join(shown.split())
+        "'what' is no answer here. a or b: that one; e: equal; ?: cannot tell; u: take back; w: "
+        "why; f: finish now; q: quit" in " ".join(shown.split())
     )
     assert "'1' is no answer here." in shown  # it is a number of a list, not a side
     assert shown.count("Taken back.") == 2
-    assert shown.count("There is no answer to undo.") == 1
+    assert shown.count("There is no answer to take back.") == 1
     assert "never read" not in shown
     assert shown.endswith(
         "Kept: 1 answer. To go on:\n  qlearn teach --problem care.csv --comparator posterior "
@@ -389,7 +389,9 @@ def test_at_the_end_the_keys_of_the_end_are_said(
 ) -> None:
     _, shown, _ = taught("a\n1\n" * 30, monkeypatch, capsys, table)
     after = " ".join(shown[shown.index("Enter: what was learned") :].split())
-    assert "'1' is no answer here. Enter: what was learned; m: more questions; u: undo" in after
+    assert (
+        "'1' is no answer here. Enter: what was learned; m: more questions; u: take back" in after
+    )
     assert "w: why" not in after
 
 
@@ -427,7 +429,7 @@ def test_why_a_question_is_asked_and_how_many_come_after_it(tmp_path: Path) -> N
         while "Enter: what was learned" not in text:
             numbers.append(int(re.search(r"Question (\d+)", text)[1]))  # type: ignore[index]
             why = teach.say("w")
-            while not re.search("We don't yet know|makes sure", " ".join(why.split())):
+            while not re.search("We don't yet know|So far|makes sure", " ".join(why.split())):
                 assert "Still being worked out" in why
                 why = teach.say("w")
             again = re.search(r"Question (\d+)", why)
@@ -524,7 +526,7 @@ def test_answers_that_do_not_go_together_are_said_and_change_with_the_comparator
     unused = sum(not entry.used for entry in AnswerLog.read("answers-random.jsonl"))
     assert unused
     assert f"{unused} ignored because they contradict others" in " ".join(shown.split())
-    conflict = [*re.finditer("These answers contradict each other. Withdrawing any one", shown)][-1]
+    conflict = [*re.finditer("These answers contradict each other. Taking back any one", shown)][-1]
     items = re.findall("^  - .*", shown[conflict.end() :], re.MULTILINE)
     assert len(items) >= 2
     assert all(" rather than " in item or " as good as " in item for item in items)

@@ -23,7 +23,7 @@ export function mount(root, send, options = {}) {
     later = "To go on, come back to this page in the same browser. If it no longer opens, ask whoever gave you its address for " +
       "a new one, or start the same command again. It continues where you are now.",
     where = "where the program runs",
-    seen = ["It stays there.", "Your answers are saved on the computer where this program runs, and are sent nowhere else."],
+    seen = ["Your answers stay here.", "They are saved on the computer where this program runs, and are sent nowhere else."],
     titled = () => {},
   } = options;
   let screen = null; // the last one drawn
@@ -75,7 +75,8 @@ export function mount(root, send, options = {}) {
     const before = document.activeElement;
     sheet.setAttribute("aria-busy", "true");
     enable(false);
-    const slow = setTimeout(() => say(waiting, wait.words), wait.after);
+    const slow = setTimeout(() => say(waiting, screen ? wait.words : GETTING_READY), wait.after);
+    const slower = setTimeout(() => say(waiting, `${waiting.textContent} ${LONG}`), LONG_AFTER);
     let stays = false;
     try {
       stays = (await job()) === STAYS;
@@ -84,6 +85,7 @@ export function mount(root, send, options = {}) {
       failed = { job, lost: error.saved ? "" : lost, why: error.message, wait };
     }
     clearTimeout(slow);
+    clearTimeout(slower);
     say(waiting, "");
     busy = false;
     sheet.removeAttribute("aria-busy");
@@ -319,14 +321,14 @@ export function mount(root, send, options = {}) {
     const who = part("input", "field", { type: "text", id: "elicit-who", maxlength: "80", autocomplete: "off" });
     who.value = known;
     who.disabled = Boolean(known); // the log is this person's
-    const choices = budgets.map((one) => [`${one.minutes}`, `${one.minutes} minutes`, `About ${one.questions} questions`]);
-    choices.push(["", "Until the result is settled", "You can stop at any time"]);
+    const choices = budgets.map((one) => [`${one.minutes}`, `${one.minutes} minutes`, `about ${one.questions} questions`]);
+    choices.push(["", "Until the result is settled", "stop any time"]);
     const radios = choices.map(([value, words, label], i) => {
       const input = part("input", "", { type: "radio", name: "elicit-budget", value });
       input.checked = i === choices.length - 1;
       const likely = part("span", "soft likely");
-      const said = part("span", "soft", {}, [label]);
-      return part("label", "choice", {}, [input, part("b", "", {}, [words]), said, likely]);
+      const said = part("span", "", {}, [part("b", "", {}, [words]), " ", part("span", "soft", {}, [label])]);
+      return part("label", "choice", {}, [input, said, likely]);
     });
     const start = () => {
       const minutes = body.querySelector("input[name='elicit-budget']:checked")?.value ?? "";
@@ -345,10 +347,10 @@ export function mount(root, send, options = {}) {
       part("p", "soft small", {}, [`Printed on your report. ${known ? GIVEN : "A made-up name is fine."}`]),
       who,
       part("fieldset", "", {}, [part("legend", "strong", {}, ["How much time do you have?"]), ...radios]),
-      part("p", "soft small simulated", {}, []),
-      part("p", "soft small", {}, [before, " ", fewest(least)]),
       button("pick", "Start", start),
-      part("p", "soft small", {}, ["A practice question comes first."]),
+      part("p", "soft small", {}, ["A practice question comes first. ", fewest(least)]),
+      part("p", "soft small simulated", {}, []),
+      part("p", "soft small", {}, [before]),
     ]);
     const right = part("div", "column", {}, [form]);
     if (screen.note_beside) right.append(part("p", "soft small", {}, [screen.note_beside]));
@@ -364,6 +366,7 @@ export function mount(root, send, options = {}) {
     const practice = screen.stage === "practice";
     const name = practice ? "Practice" : `Question ${asked.number}`;
     const parts = asked.sentences.map((sentence) => part("p", "same", {}, [sentence]));
+    if (asked.check) parts.unshift(part("p", "check", {}, [asked.check]));
     if (practice) parts.unshift(part("p", "practice", {}, [TRY, circles(asked)]));
     if (screen.legend.duration) parts.push(part("p", "soft same", {}, [screen.legend.duration]));
     parts.push(sides(asked), others());
@@ -419,7 +422,7 @@ export function mount(root, send, options = {}) {
   }
 
   function undoing() {
-    const back = button("undo", "Undo last answer", undo, "U", "U Control+Z");
+    const back = button("undo", "Take back last answer", undo, "U", "U Control+Z");
     if (screen.last) {
       back.title = `Takes back: ${screen.last.sentence}`;
       back.setAttribute("aria-description", back.title);
@@ -610,10 +613,22 @@ export function mount(root, send, options = {}) {
     return part("section", "conflict", {}, [part("h2", "", {}, [which]), part("ul", "list", {}, items), hint]);
   }
 
+  // An old answer is taken back in two steps, for it cannot be put back. Until then nothing is sent.
   function back(id, sentence) {
-    const take = button("back", "Take back", () => withdraw(id));
+    const place = part("div", "buttons");
+    const take = button("back", "Take back", () => {
+      const yes = button("back", SURE.yes, () => withdraw(id));
+      const no = button("back", SURE.no, () => {
+        place.replaceChildren(take);
+        take.focus({ preventScroll: true });
+      });
+      for (const [one, words] of [[yes, SURE.yes], [no, SURE.no]]) one.setAttribute("aria-label", `${words}: ${sentence}`);
+      place.replaceChildren(yes, no);
+      yes.focus({ preventScroll: true });
+    });
     take.setAttribute("aria-label", `Take back: ${sentence}`);
-    return take;
+    place.append(take);
+    return place;
   }
 
   function answers() {
@@ -621,14 +636,13 @@ export function mount(root, send, options = {}) {
     const among = new Set(listed.conflicts.flat());
     const items = listed.answers.map((one) => {
       const tags = [];
-      const counts = one.number !== null; // one that was taken back has no number, and is struck through
+      const counts = !one.withdrawn || (one.repeat && one.replaced); // what was taken back is struck through
       if (!counts) tags.push(one.replaced ? "replaced after a check" : "taken back");
       else if (among.has(one.id)) tags.push("contradicts others");
       if (!one.withdrawn && !one.used && !one.repeat) tags.push("ignored");
       if (one.repeat) tags.push("asked again as a check");
       if (one.repeat && one.replaced) tags.push("settled since");
-      const number = counts ? [part("span", "soft", {}, [`${one.number}. `])] : [];
-      const said = part("span", "", {}, [...number, part(counts ? "span" : "s", "", {}, [one.sentence])]);
+      const said = part("span", "", {}, [part("span", "soft", {}, [`${one.number}. `]), part(counts ? "span" : "s", "", {}, [one.sentence])]);
       const words = part("span", "words", {}, [said]);
       words.append(...tags.map((tag) => part("span", PLAIN.has(tag) ? "tag plain" : "tag", {}, [tag])));
       const when = one.time && new Date(one.time).toLocaleString(undefined, WHEN);
@@ -712,13 +726,17 @@ export function mount(root, send, options = {}) {
 
 const FEW = 12; // rows that need no filter, and are shown at once
 const NEXT = { words: "Working out what comes next ...", after: SLOW };
+const GETTING_READY = "Getting ready ...";
+const LONG_AFTER = 8000; // ms after which a wait is explained
+const LONG = "This takes longer on a busy computer. You can wait, or come back to this page later: nothing is lost.";
 const RESULT = { words: "Working out your result ...", after: 50 };
 const PREPARING = "This takes a few seconds. The first start on a computer compiles, which takes up to two minutes.";
 const TRY = "Practice question: your answer is not saved.";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
-const UNFORESEEN = "How far each of these gets cannot be foreseen here. You will see it as you go.";
+const UNFORESEEN = "How far each choice of time gets cannot be foreseen here. You will see it as you go.";
 const GIVEN = "It was given when the program was started.";
-const MENDS = "Withdrawing any one of them fixes it. The others stay.";
+const MENDS = "Taking back any one of them fixes it. The others stay.";
+const SURE = { yes: "Yes, take it back", no: "No, keep it" };
 const STAYS = "stays"; // returned by what changes nothing on the screen
 const WHEN = { dateStyle: "medium", timeStyle: "short" };
 const FILES = {

@@ -1,6 +1,7 @@
 """The conduct of a person is read from the log alone."""
 
 import random
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -105,13 +106,18 @@ def test_checks_are_passed_or_look_like_chance(
 ) -> None:
     one = Conduct(20, 20, alike + differed, differed, "a", 1)
     assert (one.passed, one.like_chance) == (passed, chance)
-    said = f"Someone who guesses would do as well in {cases.replace('cases', 'such interviews')}"
+    order = f"With the order of the levels, {alike} of {alike + differed} checks were answered as "
+    said = f"{order}expected. Someone who guesses is right in half of the checks, and "
     if "half" in cases:
-        said = "Someone who guesses would do as well in half of such interviews or more"
-    rare = {"32", "28", "30"} & {*cases.split()}
-    tell = "hardly look like guesses" if rare else "cannot be told from guesses yet"
-    means = "" if "half" in cases else f", so your answers {tell}"
-    assert one.by_chance == f"{said}{means}."
+        assert one.by_chance == f"{said}so does as well."
+    else:
+        rare = {"32", "28", "30"} & {*cases.split()}
+        tell = "So your answers hardly look like guesses."
+        tell = tell if rare else "More checks would tell your answers from guesses."
+        said = f"{said}does as well in {cases.replace('cases', 'interviews')[8:]}. {tell}"
+        assert one.by_chance == said
+        repeats = replace(one, repeated=one.checks)  # then the screen has counted them already
+        assert repeats.by_chance == said.removeprefix(f"{order}expected. ")
     assert (one.caution() is not None) == (chance or (one.checks >= 11 and not passed))
 
 

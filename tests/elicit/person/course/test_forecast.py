@@ -31,7 +31,7 @@ def test_a_loss_that_rose_says_why(checked: bool) -> None:
         assert rise(loss, Stated(before, checked)) is None
     assert "varies a little" in str(rise(0.0301, Stated(0.03, checked)))
     said = str(rise(0.04, Stated(0.03, checked)))
-    assert "more values are plausible again" in said
+    assert "more values are plausible than it seemed" in said
     assert said.endswith("The check in between did not change it.") == checked
     exact = str(rise(0.0301, Stated(0.03, checked), exact=True))
     assert "changed the plan" in exact

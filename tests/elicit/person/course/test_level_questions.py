@@ -10,6 +10,7 @@ from elicit.person.course.level_questions import (
     known_question,
     level_question,
     order_question,
+    questions_left,
     value_bounds,
 )
 from elicit.person.showing import show
@@ -105,3 +106,28 @@ def test_the_order_check_has_the_better_level_on_its_left(level: int) -> None:
     query = order_question(4, level)
     assert (query.d @ np.arange(4.0)) > 0
     assert show(query).exact
+
+
+@pytest.mark.parametrize("k", [3, 4, 6])
+def test_the_number_of_questions_left_is_foreseen(k: int) -> None:
+    """The range holds from every point of a session of a truthful person."""
+    chance, held, points = np.random.default_rng(k), 0, 0
+    for _ in range(3):
+        knows, values = PolytopeComparator(k), np.sort(np.r_[0.0, chance.random(k - 2), 1.0])
+        said: set[str] = set()
+        ranges = []
+        while (query := level_question(knows, 10, lambda query, said=said: query.id in said)) and (
+            found := questions_left(knows)
+        ):
+            ranges.append(found)
+            said.add(query.id)
+            sign = Verdict(int(np.sign(query.d @ values)))
+            knows = knows.update(Answers.of([Answer(query, sign)], k))
+        assert ranges
+        left = range(len(ranges), 0, -1)
+        held += sum(low <= n <= high for (low, high), n in zip(ranges, left, strict=True))
+        points += len(ranges)
+        assert ranges[0][1] > ranges[len(ranges) // 2][1] > ranges[-1][1]
+    assert held >= 0.9 * points
+    done = PolytopeComparator(2)
+    assert questions_left(done) == (0, 0)

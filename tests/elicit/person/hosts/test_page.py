@@ -299,15 +299,15 @@ def test_undo_and_taking_back_an_old_answer(windows: Windows) -> None:
     with served(windows.log) as server:
         page = windows.open(server)
         practise(page)
-        assert name(page, "Undo last answer").is_disabled()
+        assert name(page, "Take back last answer").is_disabled()
         for n in (2, 3, 4):
             click(page, truthfully(page))
             at(page, f"Question {n}")
         assert re.match(
             "Takes back: .* (5 recovered|10 moderate)",
-            name(page, "Undo last answer").get_attribute("title"),
+            name(page, "Take back last answer").get_attribute("title"),
         )
-        name(page, "Undo last answer").click()
+        name(page, "Take back last answer").click()
         at(page, "Question 3")
         assert page.inner_text(".note") == "Taken back."
         name(page, "Your answers").click()
@@ -315,10 +315,23 @@ def test_undo_and_taking_back_an_old_answer(windows: Windows) -> None:
         items = page.locator(".list li").all_inner_texts()
         assert len(items) == 3
         assert "taken back" in items[0]
-        page.locator(".list li").last.get_by_role("button").click()
+        last = page.locator(".list li").last
+        last.get_by_role("button").click()
+        last.get_by_role("button", name="No, keep it").click()  # nothing is taken back at once
+        assert page.locator(".gone").count() == 1
+        last.get_by_role("button", name="Take back").click()
+        assert page.evaluate("document.activeElement.textContent") == "Yes, take it back"
+        violated(page)
+        last.get_by_role("button", name="Yes, take it back").click()
         page.locator(".gone").nth(1).wait_for()
+        assert [item[:3] for item in page.locator(".list li").all_inner_texts()] == [
+            "3. ",
+            "2. ",
+            "1. ",
+        ]
         name(page, "Back to the question").click()
-        at(page, "Question 2")
+        at(page, "Question 1")  # the same question has the same number
+        assert page.inner_text(".check").startswith("This is the same question again, because you ")
     assert [(id, stands) for id, _, stands in windows.entries()] == [
         ("q0", False),
         ("q1", True),
@@ -360,7 +373,8 @@ def test_what_does_not_go_together_is_said_and_mended(windows: Windows) -> None:
         assert box.locator("h2").inner_text() == "These two answers contradict each other"
         assert box.locator("li span").all_inner_texts() == list(CONFLICTING)
         box.get_by_role("button", name=f"Take back: {CONFLICTING[0]}").click()
-        at(page, "Question 3")
+        box.get_by_role("button", name=f"Yes, take it back: {CONFLICTING[0]}").click()
+        at(page, "Question 1")
         click(page, truthfully(page))
         at(page, "Result")
         assert not page.locator(".conflict").count()
@@ -391,7 +405,7 @@ def test_nothing_is_lost_when_the_program_stops(windows: Windows) -> None:
         name(page, "Try again").click()
         at(page, "Question 2")
         assert not banner.count()
-        name(page, "Undo last answer").click()
+        name(page, "Take back last answer").click()
         at(page, "Question 1")
     assert [(id, stands) for id, _, stands in windows.entries()] == [("q0", False)]
     assert all(said.startswith("Failed to load resource") for said in windows.complaints)
@@ -539,7 +553,7 @@ def test_the_welcome_says_if_nothing_can_be_foreseen(windows: Windows) -> None:
         page.route("**/api", prospects)
         page.reload()
         page.get_by_text("Working out what this will likely prove").first.wait_for()
-        page.get_by_text("How far each of these gets cannot be foreseen here.").wait_for()
+        page.get_by_text("How far each choice of time gets cannot be foreseen here.").wait_for()
         assert "".join(page.locator(".likely").all_inner_texts()) == ""
 
 
@@ -639,7 +653,7 @@ def test_every_screen_is_open_to_everybody_and_fits(windows: Windows, size: dict
         check()
         name(page, "Back to the question").click()
         at(page, "Question 3")
-        name(page, "Undo last answer").click()
+        name(page, "Take back last answer").click()
         at(page, "Question 2")
         click(page, "a" if "10 moderate" in page.locator(".card").first.inner_text() else "b")
         at(page, "Question 3")
@@ -702,7 +716,7 @@ def test_odd_names_many_levels_and_large_numbers_are_only_shown(
         assert bool(page.locator(".icon").count()) == (total == 30)
         click(page, "a")
         at(page, "Question 2")
-        name(page, "Undo last answer").click()
+        name(page, "Take back last answer").click()
         at(page, "Question 1")
         click(page, "b")
         at(page, "Question 2")
@@ -747,6 +761,7 @@ def test_an_answer_against_the_order_of_the_levels_stands_alone(windows: Windows
             "This answer goes against the order of the levels"
         )
         page.locator(".conflict").get_by_role("button").click()
+        page.locator(".conflict").get_by_role("button", name="Yes, take it back").click()
         at(page, "Question 1")
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from elicit import AnswerLog, PolytopeComparator, Session, Subject, choose
-from elicit.person.background import Background, Turns
+from elicit._support.background import Background, Turns
 from elicit.person.study.study import Study
 
 VECTORS = np.random.default_rng(0).multinomial(10, [0.25] * 4, 8)

@@ -1,0 +1,138 @@
+"""Answers that are mended: conflicts that the person settles, and answers that they take back.
+
+It also says on a question's card why a question comes whose answer was given, or follows from
+others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from elicit.model.query import Query, Verdict
+from elicit.person.course.choices import Choices
+from elicit.person.course.conduct import IN_CONFLICT, ORDER, differs, was_settled
+from elicit.person.drawing import Drawing
+from elicit.person.session import Session
+from elicit.person.showing import Subject
+from elicit.tutors.answer_log import REPEATS, Entry
+
+_AGAIN = "Check question: you answered this one before. Choose as you see it now."
+_ORDER = "Check question: this one is about the order of the levels."
+_IMPLIED = (
+    "Check question: your earlier answers already point to one side. A second look guards against "
+    "errors."
+)
+_TAKEN_BACK = (
+    "This is the same question again, because you took back your answer to it and it still tells "
+    "the program the most. After “I cannot tell” it does not come again."
+)
+
+
+class Mending:
+    """Mends the answers of a session.
+
+    Parameters
+    ----------
+    session : Session
+    subject : Subject
+    chosen : Choices
+        The person's choices, which may change.
+    drawing : Drawing
+    """
+
+    def __init__(
+        self, session: Session, subject: Subject, chosen: Choices, drawing: Drawing
+    ) -> None:
+        self._session, self._subject = session, subject
+        self._chosen, self._drawing = chosen, drawing
+
+    def check(self, query: Query) -> str:
+        """Return a sentence on why a question comes that looks answered already, or ""."""
+        if self._session.is_repeat(query.id):
+            return _AGAIN
+        taken_back = (e for e in self._session.log if e.retracted and not was_settled(e))
+        if any(entry.answer.query.id == query.id for entry in taken_back):
+            return _TAKEN_BACK
+        if query.id.startswith(ORDER):
+            return _ORDER
+        return _IMPLIED if self._subject.least and self._session.implied(query) else ""
+
+    def conflict(self) -> dict[str, Any] | None:
+        """Return the conflict that the last answer is part of, unless the person left it."""
+        standing = self._session.log.standing
+        if not standing or not self._subject.least:
+            return None
+        last = standing[-1]
+        if last.repeat:
+            first = next((e for e in standing if e.answer.query.id == last.metadata[REPEATS]), None)
+            if first is None or not differs(last) or self._is_passed((first, last)):
+                return None
+            return self._drawing.repeat_conflict(first, last)
+        among = self._session.contradiction()
+        if not among or self._is_passed(among):
+            return None
+        return self._drawing.contradiction(among)
+
+    def _is_passed(self, among: Sequence[Entry]) -> bool:
+        return self._chosen.leaves(entry.answer.query.id for entry in among)
+
+    def settle(self, conflict: Mapping[str, Any], choice: str) -> str:
+        """Settle the present conflict, and return a sentence on it.
+
+        Raises ValueError for a choice that is not one of the conflict's.
+        """
+        if choice not in {one["choice"] for one in conflict["choices"]}:
+            raise ValueError(f"choice must be one of the conflict's, not {choice[:80]!r}")
+        session, id = self._session, conflict["id"]
+        standing = {entry.answer.query.id: entry for entry in session.log.standing}
+        last = standing[id]
+        if last.repeat:
+            return self._settle_repeat(standing[last.metadata[REPEATS]], last, choice)
+        among = session.contradiction()
+        if choice == "later":
+            self._leave(among)
+            return "Nothing was changed. You find this under “Your answers”."
+        if not session.makes_askers:
+            self._leave(among)
+            return "This program cannot take answers back."
+        if choice == "cannot tell":
+            for entry in among:
+                session.withdraw(entry.answer.query.id, **{IN_CONFLICT: True})
+            return "Thank you. None of these answers is used."
+        became = self.take_back(choice.removeprefix("withdraw:"), **{IN_CONFLICT: True})
+        return f"Thank you.{became}"
+
+    def _settle_repeat(self, first: Entry, last: Entry, choice: str) -> str:
+        """Settle a repeat that was answered otherwise, and return a sentence on it."""
+        if choice == "first" and not self._session.makes_askers:
+            self._leave((first, last))
+            return "Your first answer stands."
+        meant = {
+            "first": first.answer.verdict,
+            "second": last.answer.verdict,
+            "equal": Verdict.EQUAL,
+            "cannot tell": None,
+        }[choice]
+        self._session.settle(last.answer.query.id, meant)
+        return "Thank you. That is what counts from now on."
+
+    def _leave(self, among: Sequence[Entry]) -> None:
+        self._chosen.leave(entry.answer.query.id for entry in among)
+
+    def take_back(self, id: str, **metadata: Any) -> str:
+        """Take an answer back, and return a sentence on what became of the others."""
+        before = len(self._session.log.standing)
+        self._session.withdraw(id, **metadata)
+        checks = before - len(self._session.log.standing) - 1
+        if checks < 1:
+            return " The other answers stay."
+        gone = (
+            "The check that repeated it goes" if checks == 1 else "The checks that repeated it go"
+        )
+        return f" {gone} with it. The other answers stay."
+
+    def taken_back_before(self, id: str) -> str | None:
+        """Return a note for an answer that was taken back already, as by a message sent twice."""
+        said = [entry.retracted for entry in self._session.log if entry.answer.query.id == id]
+        return "That answer was taken back already." if said and all(said) else None
