@@ -463,6 +463,7 @@ NOT_AGAIN = {  # pages without such rows, and why
     "RESULTS-cold": "it has nothing but seconds",
     "RESULTS-single-precision": "it has nothing but seconds",
     "crowd": "it needs answers of people that are not shipped",
+    "RESULTS-equal": "it needs answers of people that are not shipped",
     "RESULTS-promise": "each of its rows is of some hundred runs",
     **{page.name: "it is run whole" for page in PAGES if page.path.endswith(".ipynb")},
 }

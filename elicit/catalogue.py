@@ -1,9 +1,10 @@
 """The catalogue of comparators: name, factory, label and look of each.
 
-It is in the order of tables and legends. ``LOOKS`` has the look of whatever else pictures compare.
+The catalogue's order is that of tables and legends. Tables, pictures and commands take a
+comparator's name and its look from here. ``LOOKS`` has the looks of everything else that pictures
+compare, such as learners.
 
-Tables, pictures and commands take from here what they call a comparator and how they draw it.
-Imports nothing heavy.
+Importing this module imports nothing heavy.
 """
 
 from __future__ import annotations
@@ -52,21 +53,23 @@ def _bradley_terry(k: int, seed: Seed, **settings: Any) -> Comparator:
 class ComparatorEntry:
     """One comparator of the catalogue.
 
-    name         its one name: on the command line, in rows of results, in journals
+    name         its name on the command line, in rows of results and in journals
     label        its name in tables and pictures
     kind         the name of its class
-    factory      from k, the seed of its own draws, and keywords
+    factory      a function that makes it, from k, a seed for its draws, and keywords
     color, marker, linestyle    its look, as matplotlib's keywords
-    fixed        keywords that make it this comparator and no other of its class
-    options      further keywords that it takes, where they are given
-    learns       whether answers teach it anything
-    proves       whether it bounds the loss of a whole policy tightly enough for policy iteration to
+    fixed        keywords that tell it apart from others of its class
+    options      further keywords that it takes, if they are given
+    learns       whether answers change what it knows
+    proves       whether its bounds on the loss of a policy are tight enough for policy iteration to
                  end
     trusts       whether it takes each answer as a fact, so that a later answer can contradict it
-    indifferent  whether the learner treats close pairs as equal; otherwise the comparator is the
-                 one of the same class
-    cost         CPU time of a run, relative to the cheapest (rough; orders the runs of a sweep)
-    compiles     the small run of ``qlearn.experiments.compile_ahead`` that compiles what it needs
+    indifferent  whether the learner treats close pairs as equal; apart from that, the comparator is
+                 the one of the same class that is not ``indifferent``
+    cost         rough CPU time of a run, as a multiple of the cheapest; it orders the runs of a
+                 sweep
+    compiles     the small run of ``qlearn.experiments.compile_ahead`` that compiles the code it
+                 needs
     quick        whether ``qlearn ablate --quick`` runs it
     """
 
@@ -93,9 +96,10 @@ class ComparatorEntry:
         return {"color": self.color, "marker": self.marker, "linestyle": self.linestyle}
 
     def make(self, k: int, seed: Seed, settings: Mapping[str, Any] | None = None) -> Comparator:
-        """Return the comparator of k levels.
+        """Return the comparator for k levels.
 
-        Of ``settings`` it takes its ``options``, and ignores the rest.
+        Those of ``settings`` that are among the entry's ``options`` are passed on, and the others
+        ignored.
         """
         given = {name: value for name, value in (settings or {}).items() if name in self.options}
         return self.factory(k, seed, **self.fixed, **given)
@@ -235,7 +239,7 @@ LOOKS: Mapping[str, Mapping[str, Any]] = {
 }
 """The look of ways of asking and of learners in pictures, by their label."""
 ALWAYS = "always"
-"""The name of the comparator that learns nothing; with a truthful tutor it is the oracle."""
+"""The name of the comparator that learns nothing. With a truthful tutor it is the oracle."""
 
 STYLES: dict[str, dict[str, Any]] = {name: entry.look for name, entry in COMPARATORS.items()}
 """The colour, marker and line of each comparator, by the name that ``qlearn ablate`` gives it."""
@@ -253,9 +257,9 @@ OTHER_LOOKS: tuple[dict[str, Any], ...] = (
 def styles(names: Iterable[str]) -> dict[str, dict[str, Any]]:
     """Return the colour, marker and line of each name, as matplotlib's keywords.
 
-    Comparators have those of ``STYLES``. Learners ("policy iteration") and ways of asking
-    ("polytope, audited") have one each as well. Other names, such as a comparator of your own, get
-    one after the other, no two alike among the first six.
+    A comparator's look is the one in ``STYLES``. Learners ("policy iteration") and ways of asking
+    ("polytope, audited") have fixed looks too. Each other name, such as a comparator of your own,
+    gets the next free look. The first six of these are all different.
 
     Parameters
     ----------
@@ -270,9 +274,6 @@ def styles(names: Iterable[str]) -> dict[str, dict[str, Any]]:
 
 
 def kind_of(comparator: Comparator) -> str:
-    """Return a comparator's name in ``STYLES``, or the name of its class.
-
-    The latter is for classes that are not elicit's own.
-    """
+    """Return a comparator's name in ``STYLES``, or the name of its class if it has none there."""
     kinds = (name for name, entry in COMPARATORS.items() if entry.is_kind_of(comparator))
     return next(kinds, type(comparator).__name__)

@@ -1,22 +1,25 @@
-"""Objectives beside levels: weights for m objectives that have no order, by the same comparators.
+"""Objectives beside levels: weights of m objectives that have no order, by the same comparators.
 
-A vector of objectives v (m,), of each of which more is better, is worth w.v. The weights w >= 0 are
-hidden and total 1. They are the gaps of a scale of m + 1 levels, and v are the tail sums of
-``as_levels(v)``. So for two such vectors d.e is w.(v - u).
+A vector v (m,) of objectives, of which more is always better, is worth w.v. The weights w >= 0 are
+hidden and total 1. Comparators learn them as a scale of m + 1 levels: the weights are the gaps of
+the scale, and v holds the tail sums of ``as_levels(v)``. For two such vectors v and u the inner
+product d.e is then w.(v - u).
 
-    vectors = as_levels(v)                                # (n, m) objectives, say profit and minus
-                                                          the waste
+    vectors = as_levels(v)          # v (n, m), say profit and minus the waste
     choice = elicit.choose(vectors, elicit.PolytopeComparator(m + 1))
     ...
-    weights(choice.comparator.values)                     # (m,)
+    weights(choice.comparator.values)    # (m,)
 
-Everything that looks at differences carries over: comparators, their bounds and proofs, ``choose``,
-the learners' loop, tutors (``TruthfulTutor(values(w))``), ``qlearn.InteractiveTraining``. What
-changes: dominance is componentwise, "as much of every objective". Vectors are no shares (entries
-may be negative), so bags of days and pictures of them mean nothing; show people v itself,
-``of_levels(query.left)``. Losses come in the unit of w.v. So bring the objectives to similar
-ranges, such as 0 to 1. Otherwise a tolerance depends on the one with the largest numbers alone. No
-weight is less than the margin of a polytope, 1e-6 by default.
+All that works on differences works here too: comparators, their bounds and proofs, ``choose``, the
+learners' loop, tutors (``TruthfulTutor(values(w))``), ``qlearn.InteractiveTraining``. These things
+change:
+
+- A vector dominates another if it has at least as much of every objective.
+- The vectors are no shares, and may have negative entries. So show people the objectives,
+  ``of_levels(query.left)``, rather than bags of days.
+- Losses are in the unit of w.v. Bring the objectives to similar ranges, such as 0 to 1. Otherwise
+  the one with the largest numbers alone decides what a tolerance means.
+- A polytope's margin (1e-6 by default) is the least weight that it allows.
 """
 
 import numpy as np
@@ -28,7 +31,7 @@ from elicit.model.scale import Floats
 def as_levels(v: ArrayLike) -> Floats:
     """Return vectors (n, m + 1), of total 1, whose tail sums are the objectives v (n, m).
 
-    Of one vector (m,) it is one (m + 1,). Raises ValueError for what is not finite.
+    For a single v (m,) the result is (m + 1,). Raises ValueError if v is not finite.
     """
     t = _numbers(v, "objectives")
     first, last = np.ones((*t.shape[:-1], 1)), np.zeros((*t.shape[:-1], 1))
@@ -36,15 +39,15 @@ def as_levels(v: ArrayLike) -> Floats:
 
 
 def of_levels(vectors: ArrayLike) -> Floats:
-    """The objectives (n, m), or (m,), of what ``as_levels`` made of them, up to rounding."""
+    """Return the objectives (n, m), or (m,), of vectors made by ``as_levels``, up to rounding."""
     x = _numbers(vectors, "vectors")
     return np.asarray(np.cumsum(x[..., :0:-1], axis=-1)[..., ::-1])
 
 
 def weights(values: ArrayLike) -> Floats:
-    """The weights (m,), which total 1, of a scale (m + 1,), such as a comparator's ``values``.
+    """Return the weights (m,), of total 1, that a scale (m + 1,) stands for.
 
-    Raises ValueError.
+    The scale is, for example, a comparator's ``values``. Raises ValueError.
     """
     e = _numbers(values, "values")
     gaps = np.diff(e)
@@ -54,7 +57,7 @@ def weights(values: ArrayLike) -> Floats:
 
 
 def values(w: ArrayLike) -> Floats:
-    """The scale (m + 1,), from 0 to 1, whose gaps are these weights (m,) over their total.
+    """Return the scale (m + 1,), from 0 to 1, whose gaps are the weights w (m,) over their total.
 
     Raises ValueError.
     """

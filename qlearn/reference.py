@@ -1,20 +1,18 @@
-"""Algorithms 1 and 2 of the paper, line by line.
+"""Algorithms 1 and 2 of the paper, line by line, for reading and for testing the real learners.
 
-They are slow, for reading beside it and for testing the real learners.
+The code is slow. A comment "Alg. 1, l. 9" stands on the line that does what line 9 of Algorithm 1
+says. Where the paper leaves something open, the choice is the same as in the whole package:
 
-A comment "Alg. 1, l. 9" stands on the very line that does what line 9 of Algorithm 1 says. Where
-the paper leaves something open, the choice is that of the whole package:
-
-- vectors are shares: counting vectors times 1 - discount. Line 4 starts from all mass on the worst
-  level (``start="best"``: on the best; "zero" is the paper's), and a reward is 1 - discount at the
-  level obtained;
-- the model M is a comparator: BETTER, WORSE and EQUAL are confident forecasts, UNKNOWN is an
-  interval [g - c, g + c] that contains 1/2. An empty B needs no case of its own;
-- where neither vector is better, the best action so far stays;
-- no pair is asked twice, and one that the tutor called equal stays equal, whatever M learns later
-  (only AlwaysAsk asks again, being the oracle);
-- random numbers are a hash of the key, a purpose and counters, as in ``elicit._support.hashing``;
-- a terminal state's value is its level for ever, and the next episode starts from ``mdp.initial``.
+- Vectors are shares: counting vectors times 1 - discount. Line 4 starts from all mass on the worst
+  level (``start="best"``: on the best; "zero" is the paper's). A reward is 1 - discount at the
+  level obtained.
+- The model M is a comparator. BETTER, WORSE and EQUAL are its confident forecasts, and UNKNOWN is
+  an interval [g - c, g + c] that contains 1/2. An empty B needs no case of its own.
+- If neither vector is better, the best action so far stays.
+- No pair is asked twice. A pair that the tutor called equal stays equal, whatever M learns later.
+  (Only AlwaysAsk, the oracle, asks again.)
+- Random numbers are a hash of the key, a purpose and counters, as in ``elicit._support.hashing``.
+- A terminal state's value is its level for ever, and the next episode starts from ``mdp.initial``.
 """
 
 from __future__ import annotations
@@ -41,8 +39,9 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 class Learned(NamedTuple):
     """The result of a run: values, best actions, and comparisons.
 
-    Q-bar is (S, A, k), or Q (S, A) if the scale is known. B(s) is the best action of each state. A
-    comparison of two different actions is (state, challenger, best so far, best now).
+    ``values`` is Q-bar (S, A, k), or Q (S, A) if the scale is known. ``best`` is B(s), the best
+    action of each state. A comparison of two different actions is (state, challenger, best so far,
+    best now).
     """
 
     q: Floats
@@ -52,24 +51,24 @@ class Learned(NamedTuple):
 
 @dataclass
 class Answered:
-    """The set B of the paper: the answers so far, and the verdict on each pair.
+    """The set B of the paper: the answers so far, looked up by pair.
 
-    A pair is known by its tail sums.
+    A pair is recognised by its tail sums.
     """
 
     answers: list[Answer] = field(default_factory=list)
     pairs: list[tuple[Floats, Verdict]] = field(default_factory=list)
 
     def add(self, answer: Answer) -> None:
-        """One more answer.
+        """Add an answer.
 
-        A tutor who cannot tell leaves the pair as it is, which is what EQUAL does.
+        "Cannot tell" leaves the best action as it is, which is what EQUAL does.
         """
         self.answers.append(answer)
         self.pairs.append((tail_sums(answer.query.d), answer.verdict or Verdict.EQUAL))
 
     def about(self, d: Floats) -> Verdict | None:
-        """Return the verdict on this pair, in either direction; None if it was not asked."""
+        """Return the verdict on this pair, in either order; None if it was not asked."""
         t = tail_sums(d)
         for sums, verdict in reversed(self.pairs):
             if way := int(same_pairs(t, sums[None])[0]):
@@ -87,9 +86,9 @@ def get_best(
     tutor: Tutor,
     indifference: float = 0.0,
 ) -> tuple[int, Comparator, Answered]:
-    """Return the action with the better vector by Algorithm 2, then M and B after it.
+    """Return the action with the better vector by Algorithm 2, and M and B afterwards.
 
-    It is a if that has ``beta``, and else a'.
+    ``beta`` is the vector of action a, and ``beta_prime`` that of action a'.
     """
     verdict = forecast(beta - beta_prime, model, told, indifference)  # Alg. 2, l. 1 to 4
     if verdict is not Verdict.UNKNOWN:  # Alg. 2, l. 5
@@ -105,7 +104,10 @@ def get_best(
 
 
 def forecast(d: Floats, model: Comparator, told: Answered, indifference: float) -> Verdict:
-    """Return M of Algorithm 2: a verdict that needs no tutor, else UNKNOWN."""
+    """Return the verdict that the paper's model M gives without the tutor, or UNKNOWN.
+
+    It is the part of Algorithm 2 before the question.
+    """
     verdict = Verdict(int(model.compare(d)[0]))
     if isinstance(model, AlwaysAsk):
         return verdict
@@ -136,11 +138,10 @@ def interactive_q_learning(
     start: str = "worst",
     episode_length: int | None = None,
 ) -> tuple[Learned, Comparator, Answered]:
-    """Algorithm 1.
+    """Run Algorithm 1, interactive Q-learning; return Q-bar and B(s), then M and B.
 
-    ``rates[n]`` is the learning rate at a visit of (s, a) that n others came before; ``epsilon`` is
-    one for all steps or one for each; ``key`` is ``hashing.key_of`` of a seed. Returns Q-bar and
-    B(s), then M and B.
+    ``rates[n]`` is the learning rate at the n-th visit of (s, a), counted from 0. ``epsilon`` is a
+    number for all steps or a number for each. ``key`` is ``hashing.key_of`` of a seed.
     """
     one, discount = np.eye(mdp.k), mdp.discount
     model, told = comparator, Answered()  # Alg. 1, l. 3
@@ -177,7 +178,7 @@ def interactive_value_iteration(
     tolerance: float,
     indifference: float | None = None,
 ) -> tuple[Learned, Comparator, Answered]:
-    """Run value iteration on vectors, with getBest for the maximum of eq. (2).
+    """Run value iteration on vectors, with getBest for the maximum of the paper's eq. (2).
 
     It makes one comparison at a time (Weng and Zanuttini 2013). Returns the last sweep's Q-bar and
     best actions, then M and B.
@@ -210,7 +211,7 @@ def interactive_value_iteration(
 
 
 class Walk:
-    """The agent's state, and the generative model of line 8."""
+    """The agent's present state, and the simulator of line 8 of Algorithm 1."""
 
     def __init__(
         self, mdp: OrdinalMDP, key: int, epsilon: float | Floats, episode_length: int | None
@@ -222,16 +223,16 @@ class Walk:
         self.state = draw(mdp.initial, key, RESTART, 0)
 
     def choose(self, best: int, t: int) -> int:
-        """The epsilon-greedy action in step t."""
+        """Return the epsilon-greedy action in step t."""
         explore = (
             uniform(fold(self._key, EXPLORE, t)) < self._epsilons[min(t, len(self._epsilons) - 1)]
         )
         return pick(actions(self._mdp, self.state), self._key, ACTION, t) if explore else best
 
     def simulate(self, a: int) -> tuple[int, int]:
-        """Take action a: its successor, and how often a was taken here before.
+        """Take action a. Return the next state, and how often a was taken here before.
 
-        Moves on, or restarts.
+        The walk moves on to the next state, or starts a new episode.
         """
         s, visit = self.state, int(self._visits[self.state, a])
         self._visits[s, a] += 1
@@ -248,17 +249,20 @@ class Walk:
 
 
 def actions(mdp: OrdinalMDP, s: int) -> list[int]:
-    """The set A, as far as admissible in s."""
+    """Return the admissible actions in state s."""
     return [a for a in range(mdp.n_actions) if mdp.admissible[s, a]]
 
 
 def pick(options: list[int], key: int, *counters: int) -> int:
-    """One of the options, uniformly."""
+    """Return one of the options, drawn uniformly by the key."""
     return options[int(float(uniform(fold(key, *counters))) * len(options))]
 
 
 def draw(probabilities: NDArray[np.float64], key: int, *counters: int) -> int:
-    """The first index at which the running sum of the probabilities exceeds a random number."""
+    """Return an index drawn with these probabilities, by the key.
+
+    It is the first at which the running sum exceeds a random number.
+    """
     u, total = float(uniform(fold(key, *counters))), 0.0
     for i, p in enumerate(probabilities):
         total += p

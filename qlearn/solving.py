@@ -45,7 +45,7 @@ def solve(
         ``elicit.Panel``, the tutor of each person by name: ``{"ann": tutor, "ben": another}``.
     comparator
         Decides comparisons from the answers so far. ``"posterior"`` is for a tutor who may err.
-        ``"polytope"`` is for a tutor who never errs: it proves what it says. ``"ensemble"``,
+        ``"polytope"`` is for a tutor who never errs: its verdicts are proven. ``"ensemble"``,
         ``"box-rescaled"`` and ``"box"`` are the paper's fits; ``elicit.catalogue`` has all names. A
         ``Comparator`` for ``mdp.k`` levels is used as it is, such as
         ``elicit.PosteriorComparator(mdp.k, like=logs)``, with a prior of earlier people. An
@@ -53,17 +53,17 @@ def solve(
         ``WorstOffIteration``.
     tolerance
         Largest acceptable loss of the policy, a share of the value range: see
-        ``Result.loss_bound``. Q-learning does not stop by it.
+        ``Result.loss_bound``. Q-learning ignores it.
     seed
         An int, a NumPy ``SeedSequence`` or a ``Generator``. The same int gives the same run.
-        ``None`` draws a new one. A comparator that is given as an object keeps its own.
+        ``None`` draws a new seed. A comparator that is given as an object keeps its own.
     learner
         ``"policy-iteration"`` asks the fewest questions. ``"value-iteration"`` and ``"q-learning"``
         run with their default settings.
     max_queries
         Largest number of questions. Comparisons still open after it follow the best guess at the
-        scale, and the result's status says so. ``None``: no limit. ``expected_bounds`` says what
-        so many questions are likely to prove.
+        scale, and the result's status says so. ``None``: no limit. ``expected_bounds`` tells what a
+        number of questions is likely to prove.
     log
         Receives every answer before the learner does. Answers that it already holds are used, and
         not asked again.
@@ -82,7 +82,7 @@ def solve(
         If ``mdp`` is no ``OrdinalMDP``, ``tutor`` cannot be called, or ``tutor`` returns neither an
         answer nor a verdict.
     ValueError
-        If a name is unknown, a number is out of range, or the comparator or the tutor was made for
+        If a name is unknown, a number is out of range, or the comparator or the tutor is for
         another number of levels than the MDP has.
     InconsistentAnswers
         If no scale agrees with the answers. Only the polytope raises it. ``"posterior"`` allows for

@@ -1,6 +1,7 @@
-"""Compile now all that learners and comparators need, as a step of setting up.
+"""Compile all machine code of learners and comparators now, as a step of an installation.
 
-Run it by ``python -m qlearn.warm_up``. Without it the first calls compile, once on a machine.
+Run it by ``python -m qlearn.warm_up``. Without it, code is compiled when it is first needed, once
+on a machine.
 """
 
 from __future__ import annotations
@@ -18,10 +19,11 @@ from qlearn.experiments.compile_ahead import ALL
 def main() -> None:
     """Compile all machine code, by running small examples.
 
-    As many run at once as there are cores. It takes a moment if the code is compiled already.
+    As many examples run at once as there are cores. It takes a moment if the code is compiled
+    already.
     """
     jobs, begun = min(len(ALL), cores()), monotonic()
-    jit.first_on_this_machine()  # so that the processes leave it to this one to say what they do
+    jit.first_on_this_machine()  # then only this process reports compiling
     print(
         f"qlearn: compiling with {jobs} processes, some two minutes of computing ...",
         file=sys.stderr,

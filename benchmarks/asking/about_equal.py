@@ -67,12 +67,13 @@ then "equal" means equal, to one part in 10^9.
 - **What is promised.** Nobody knows their own tie. Guarantees of confidence 1 (`simultaneous_bounds`) therefore
   allow for twice the `tie` that the comparator was given. Verdicts and `bounds` use the tie itself. If a
   person's "equal" may reach farther than that, give a larger `tie`: the polytope cannot notice. The posterior learns a larger width
-  from several answers "equal", but its 95% may fail until then. Before its prior allowed for that, with simulated persons who called three in ten pairs or more
-  equal, [68% of the bounds held](../benchmarks/RESULTS-promise.md) (47 to 85%, 25 runs). `print(result)` therefore
-  warns if that many answers are "equal", and at least three (`Result.tie_warning`).
+  from a few answers "equal", but its 95% may fail until then. Before 27 November 2026 its prior did not allow for that. Of 25 runs in which simulated
+  persons called more than three in ten pairs equal, [68% of the bounds then held](../benchmarks/RESULTS-promise.md) (47 to 85%). `print(result)` therefore
+  warns if three answers in ten or more are "equal", and at least three (`Result.tie_warning`).
 - **What the likelihoods promise.** The posterior's 95% is a promise on average over its prior, and answers are "equal" by Rao and
-  Kupper's law. The tables below are of a prior whose width was at most twice the tie. If a tutor's "equal" reached that far,
-  the bound of policy iteration held less often. The resamples of a Bradley-Terry fit all have the same
+  Kupper's law, or in one lapse of a hundred. If the last line of this page is of before 27 November 2026, its tables of the posterior are of an older law:
+  the width was at most twice the tie, and a third of the lapses said "equal". With that law, the bound of policy iteration held less often
+  if a tutor's "equal" reached as far as twice the tie. The rows "equal within 0" and the tables of the polytope do not depend on this law. The resamples of a Bradley-Terry fit all have the same
   answers "equal", and so do not show what these leave open. The fit's guarantees then have a confidence of nan.
 
 Questions about simple bags (`bags=`) can tell apart what questions about single actions cannot: the differences that are left open

@@ -71,7 +71,8 @@ transitions and actions in all lines. Written by
 
 - *Dominance.* Section 2.2 says that dominated vectors are eliminated, but Algorithms 1 and 2 have no line that does so. The
   literal reading is that of the algorithms. The line *dominance first* is that of section 2.2.
-- *A fit without a maximum.* If some scale explains all answers without error, or if no answer has touched a level, (7) has no maximum.
+- *A fit without a maximum.* If some scale explains all answers without error, (7) has no maximum. If no answer has touched a level, any
+  value of this level is as good as any other, so (7) has no single maximum, and this counts as none.
   The first is always so at the start, and for ever with a tutor who never errs. Such a fit is no estimate. A bootstrap fit without a
   maximum may lie anywhere, and counts as one beyond either end of every interval. If there are more such fits than the intervals leave
   out (1 of 50), or if the answers themselves have no maximum, the tutor is asked.

@@ -1,4 +1,4 @@
-"""Background work while a person reads, which is given up as soon as it is in the way."""
+"""Background work while a person reads, which stops as soon as it is in the way."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ _LOOK = 0.2  # seconds after which a thread that waits looks whether it was give
 
 
 class MadeAhead(Generic[K, V]):
-    """Values that are made before they are needed, by key.
+    """Values that are made before they are needed, each under a key.
 
-    ``steps`` may run in another thread than ``take``.
+    One thread may call ``steps`` while another calls ``take``.
     """
 
     def __init__(self) -> None:
@@ -26,9 +26,9 @@ class MadeAhead(Generic[K, V]):
         self._changed = Condition()
 
     def steps(self, makes: Mapping[K, Callable[[], V]]) -> Iterator[None]:
-        """Make one value a step, in this order, and forget those of other keys.
+        """Make a value in each step, in this order, and forget the values of other keys.
 
-        A step that fails is left out. It fails again, and is reported, when it is needed.
+        A step that fails is left out. It fails again, and is reported, when its value is needed.
         """
         self._made = {key: made for key, made in self._made.items() if key in makes}
         for key, make in makes.items():
@@ -47,7 +47,7 @@ class MadeAhead(Generic[K, V]):
             yield
 
     def take(self, key: K) -> V | None:
-        """Give away the value of a key, or return None if it was not made.
+        """Remove and return the value of a key, or return None if it was not made.
 
         If it is being made, the call waits for it.
         """
@@ -57,10 +57,10 @@ class MadeAhead(Generic[K, V]):
 
 
 class Turns:
-    """Turns of several background threads, so that nobody's work takes the time of another's.
+    """Turns of several background threads, so that only one of them computes at a time.
 
-    One thread computes at a time, in the order in which they came. None begins a step while
-    somebody waits for a reply.
+    They compute in the order in which they came. No thread begins a step while somebody waits for a
+    reply.
     """
 
     def __init__(self) -> None:
@@ -82,9 +82,9 @@ class Turns:
                 self._changed.notify_all()
 
     def take(self, given_up: Callable[[], bool]) -> bool:
-        """Wait for a turn, and return whether it came before the work was given up.
+        """Wait for a turn. Return True, or False if the work was given up before the turn came.
 
-        Whoever has it must call ``leave`` after the step.
+        After the step the caller must call ``leave``.
 
         Parameters
         ----------
@@ -113,16 +113,16 @@ class Turns:
 
 
 class Background:
-    """A thread, one at a time, that goes through steps.
+    """Background work in steps, in a thread. New work replaces the old.
 
-    The work can be given up between two steps, and it is once the program ends, so a step should be
-    short. If a step fails, the rest is left out. It fails again, and is reported, where its result
-    is needed.
+    The work can be stopped between two steps, and is stopped when the program ends, so a step
+    should be short. If a step fails, the rest is left out. It fails again, and is reported, when
+    its result is needed.
 
     Parameters
     ----------
     turns : Turns, optional
-        Given if several such threads share a process.
+        Shared by several such objects in a process.
     """
 
     def __init__(self, turns: Turns | None = None) -> None:
@@ -131,7 +131,7 @@ class Background:
         self._turns = turns or Turns()
 
     def start(self, steps: Iterator[Any]) -> None:
-        """Go through ``steps``, computed one by one, in place of the earlier ones.
+        """Start to compute ``steps``, one by one, in place of the earlier ones.
 
         Parameters
         ----------
@@ -147,11 +147,11 @@ class Background:
         self._thread.start()
 
     def stop(self) -> None:
-        """Give up the work at the end of its present step, without waiting for it."""
+        """Stop the work at the end of its present step, without waiting for that."""
         self._given_up.set()
 
     def close(self) -> None:
-        """Give up the work, and wait until no thread is left."""
+        """Stop the work, and wait until its thread has ended."""
         self.stop()
         if self._thread is not None:
             self._thread.join()

@@ -1,4 +1,4 @@
-"""Things that are closed at the end of a ``with`` block."""
+"""A base class for things that are closed at the end of a ``with`` block."""
 
 from abc import ABC, abstractmethod
 from types import TracebackType
@@ -6,11 +6,11 @@ from typing import Self
 
 
 class Closing(ABC):
-    """Something that has a ``close``, which the end of its ``with`` block calls."""
+    """Base class of things that have a ``close``, which the end of a ``with`` block calls."""
 
     @abstractmethod
     def close(self) -> None:
-        """End it."""
+        """Close the thing."""
 
     def __enter__(self) -> Self:
         return self

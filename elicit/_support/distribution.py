@@ -1,4 +1,4 @@
-"""The installed distribution: its version, and what installs a missing package."""
+"""The installed distribution: its version, and the command that installs a missing package."""
 
 from importlib.metadata import PackageNotFoundError
 from importlib.metadata import version as installed_version
@@ -12,10 +12,10 @@ _EXTRAS |= dict.fromkeys(("stable_baselines3", "torch"), "sb3")
 
 
 def version() -> str:
-    """The version of the installed distribution, which both packages are parts of.
+    """Return the version of the installed distribution, which contains elicit and qlearn.
 
-    Raises AttributeError where it is not installed, so that asking a module for ``__version__``
-    then fails as for any name that it lacks.
+    Raises AttributeError if it is not installed: ``__version__`` of a package is read by this
+    function, and is then missing like any other name.
     """
     try:
         return installed_version(NAME)
@@ -27,7 +27,7 @@ def version() -> str:
 
 
 def with_advice(error: ModuleNotFoundError) -> ModuleNotFoundError:
-    """Return the error, with the command that installs a missing extra."""
+    """Return an import error with the command that installs the missing extra in its message."""
     package = (error.name or "").split(".")[0]
     if package not in _EXTRAS:
         return error

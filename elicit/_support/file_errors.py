@@ -1,4 +1,4 @@
-"""Errors of the file system in words: what happened, with which path, and what to do."""
+"""Errors of the file system as sentences: what happened, with which path, and what to do."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 
 
 def in_words(error: BaseException) -> str:
-    """Return what an error says, without the number that the system gives it.
+    """Return the message of an error; for an error of the file system, as a plain sentence.
 
     Parameters
     ----------
@@ -19,7 +19,7 @@ def in_words(error: BaseException) -> str:
     Returns
     -------
     str
-        ``str(error)``, unless it is an error of the system.
+        ``str(error)`` if the error is not one of the file system.
 
     Examples
     --------

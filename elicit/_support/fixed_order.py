@@ -1,9 +1,9 @@
 """Linear algebra whose sums have a fixed order, so that results are the same on every processor.
 
-A BLAS library picks its kernels by the processor, and each adds up in an order of its own. The last
-bits then differ from machine to machine. A choice that depends on them differs too, and so does
-every question after it. What questions are chosen by is computed here instead: element by element,
-without fused products.
+A BLAS library chooses its code by the processor, and with it the order of each sum. So the last
+bits of its results differ from machine to machine. If a question is chosen by such a number,
+another machine may ask another question, and then every later question differs. Numbers that choose
+questions are therefore computed here, element by element and without fused multiply-adds.
 """
 
 from typing import Any
@@ -33,9 +33,9 @@ def product(a: ArrayLike, b: ArrayLike) -> Floats:
 
 
 def _product_of_arrays(a: Floats, b: Floats, out: Floats) -> None:
-    """Add ``a @ b`` to ``out`` one row of b at a time.
+    """Add ``a @ b`` to ``out``, one row of b at a time.
 
-    It stands in until the loops are compiled.
+    NumPy does the work here until ``_product_into`` is compiled.
     """
     for j in range(len(b)):
         out += a[:, j, None] * b[j]
@@ -61,7 +61,7 @@ def _product_into(a: Any, b: Any, out: Any) -> None:
 
 
 def sums_to_zero(p: int) -> Floats:
-    """Return an orthonormal basis (p, p - 1) of the vectors that sum to 0 (Helmert's)."""
+    """Return an orthonormal basis (p, p - 1) of the vectors that sum to 0 (Helmert's basis)."""
     basis = np.zeros((p, p - 1))
     for j in range(1, p):
         size = np.sqrt(j * (j + 1.0))
@@ -71,10 +71,10 @@ def sums_to_zero(p: int) -> Floats:
 
 
 def null_basis(rows: Floats, tolerance: float = 1e-12) -> Floats:
-    """Return an orthonormal basis (p, q) of the vectors that rows (m, p) are orthogonal to.
+    """Return an orthonormal basis (p, q) of the vectors orthogonal to all rows (m, p).
 
-    A row counts as dependent on those before it where what they leave of it is at most
-    ``tolerance`` of the largest row.
+    A row counts as a combination of earlier rows if its part orthogonal to them is no longer than
+    ``tolerance`` times the largest row.
     """
     p = rows.shape[1]
     size = np.sqrt((rows * rows).sum(axis=1).max(initial=0.0))
@@ -97,9 +97,9 @@ def null_basis(rows: Floats, tolerance: float = 1e-12) -> Floats:
 
 
 def _orthogonal_to(span: list[Floats], x: Floats) -> Floats:
-    """Return what is left of x (p,) orthogonal to orthonormal vectors.
+    """Return the part of x (p,) that is orthogonal to the orthonormal vectors ``span``.
 
-    By Gram and Schmidt, twice.
+    The method is Gram and Schmidt's, applied twice for accuracy.
     """
     for _ in range(2):
         for unit in span:
@@ -108,13 +108,10 @@ def _orthogonal_to(span: list[Floats], x: Floats) -> Floats:
 
 
 class LeastSquares:
-    """Factors of a matrix (m, q), m >= q, for least squares.
+    """The factors of a matrix (m, q), m >= q, for least squares.
 
-    They are Householder's, with columns and rows sorted by size.
-
-    ``shape`` (q, q) is a matrix whose product with its own transpose is the inverse of ``matrix.T @
-    matrix``, where directions in which the matrix is below ``least`` of its size count as that
-    large.
+    The factorisation is Householder's QR, with columns and rows sorted by size. A diagonal entry of
+    the triangle below ``least`` times the largest is raised to that.
     """
 
     def __init__(self, matrix: Floats, least: float = 1e-13) -> None:
@@ -161,13 +158,16 @@ class LeastSquares:
 
     @property
     def shape(self) -> Floats:
-        """The inverse of the triangular factor, its rows in the order of the matrix's columns."""
+        """The inverse (q, q) of the triangular factor, rows in the order of the matrix columns.
+
+        Its product with its own transpose is the inverse of ``matrix.T @ matrix``.
+        """
         out = np.empty_like(self._upper)
         out[self._columns] = self._back(np.eye(len(self._upper)))
         return out
 
     def _back(self, b: Floats) -> Floats:
-        """Solve the triangular system for columns b (q, c)."""
+        """Solve the triangular system for each column of b (q, c)."""
         x = b.copy()
         for j in reversed(range(len(x))):
             x[j] /= self._upper[j, j]
@@ -178,7 +178,7 @@ class LeastSquares:
 def principal_axes(matrix: Floats) -> Floats:
     """Return orthonormal eigenvectors of a symmetric matrix (p, p), as columns.
 
-    They are found by Jacobi's rotations.
+    The method is Jacobi's rotations.
     """
     a, p = matrix.copy(), len(matrix)
     axes = np.eye(p)

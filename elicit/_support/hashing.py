@@ -1,9 +1,9 @@
-"""Randomness that can be indexed: one 64-bit key, and a stateless hash of (key, counters).
+"""Random numbers without a stream: each is a hash of a 64-bit key and of counters.
 
 ``fold(key, a, b, ...)`` is the finaliser of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014) applied
-once per counter. Numbers drawn this way do not depend on the order of drawing, so two runs that
-share a key share their exploration and their transitions (common random numbers). ``mix`` and
-``unit`` are ``fold`` and ``uniform`` for compiled code, one number at a time.
+once per counter. Numbers drawn this way do not depend on the order of drawing. So two runs with the
+same key explore alike and see the same transitions (common random numbers). ``mix`` and ``unit`` do
+the same as ``fold`` and ``uniform``, one number at a time, for compiled code.
 """
 
 import hashlib
@@ -24,7 +24,7 @@ _S11, _S27, _S30, _S31 = np.uint64(11), np.uint64(27), np.uint64(30), np.uint64(
 
 
 def key_of(seed: Seed) -> int:
-    """The 64-bit key of a seed: an int, a numpy SeedSequence, or a Generator (one draw of it)."""
+    """Return the 64-bit key of a seed: an int, a SeedSequence, or a Generator (drawn from once)."""
     if isinstance(seed, np.random.Generator):
         return int(seed.integers(0, 2**64, dtype=np.uint64))
     if isinstance(seed, np.random.SeedSequence):
@@ -37,7 +37,7 @@ def key_of(seed: Seed) -> int:
 
 
 def name_code(name: str) -> int:
-    """A 64-bit number for a name, so that a purpose ("transitions") can be a counter."""
+    """Return a 64-bit number for a name, so that a purpose ("transitions") can be a counter."""
     return int.from_bytes(hashlib.blake2b(name.encode(), digest_size=8).digest(), "little")
 
 
@@ -49,18 +49,18 @@ def _round(h: Any, counter: Any) -> Any:
 
 
 def uniform(h: Any) -> Any:
-    """Hashes as numbers in [0, 1) with 53 random bits."""
+    """Return hashes as numbers in [0, 1) with 53 random bits."""
     return (h >> _S11) * 2.0**-53
 
 
 mix = compiled(_round)
-"""One round of ``fold``: the hash of (h, counter), both unsigned 64-bit numbers."""
+"""A single round of ``fold``: the hash of (h, counter), both unsigned 64-bit numbers."""
 unit = compiled(uniform)
 """``uniform`` of one hash."""
 
 
 def fold(key: Any, *counters: ArrayLike) -> NDArray[np.uint64]:
-    """Hash (key, counters) to 64 bits; counters are integers or arrays that broadcast."""
+    """Return a 64-bit hash of the key and counters, which are integers or arrays that broadcast."""
     h = np.asarray(key, dtype=np.uint64)
     with np.errstate(over="ignore"):
         for counter in counters:

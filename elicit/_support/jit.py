@@ -1,9 +1,10 @@
-"""Interpret first, compile functions that have run for five seconds, and keep the code on disk.
+"""Compiling with numba, but only of functions that have run for five seconds.
 
-If the machine code is on the disk, a call runs it; otherwise it is interpreted, with identical
-results. So a few lines wait for no compiler, and minutes of work are compiled after seconds.
+If the machine code is on the disk from an earlier process, a call runs it. Otherwise the call is
+interpreted, with identical results, until the function has taken five seconds in total. So a short
+program does not wait for the compiler, and a long one is compiled after a few seconds.
 
-``NUMBA_DISABLE_JIT=1`` interprets always; ``ELICIT_COMPILE_FIRST=1`` compiles at the first call.
+``NUMBA_DISABLE_JIT=1`` interprets always. ``ELICIT_COMPILE_FIRST=1`` compiles at the first call.
 """
 
 from __future__ import annotations
@@ -32,44 +33,46 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 _settings: Any = config
 _unliteral: Any = types.unliteral
-# CPU seconds that a function and what it calls are interpreted before they are compiled. What a
-# first run costs is nearly the same with 5 and with a guess from the length of each function's
-# bytecode. With 2, README's example compiles what it hardly needs (24 s in place of 4).
+# CPU seconds for which a function, with those it calls, is interpreted before it is compiled. A
+# first run takes nearly the same time with 5 and with a guess from the length of each function's
+# bytecode. With 2, README's example compiles functions it hardly needs (24 s in place of 4).
 _PATIENCE = 5.0
 
 
 def compiled(function: F) -> F:
-    """Make a function run interpreted first, and compiled if it lasts.
+    """Make a function run interpreted first, and compiled once it has taken long.
 
-    The machine code is kept on disk between processes. No option lets sums be reordered: compiled
-    or not, the numbers are the same to the last bit.
+    The machine code is kept on disk for later processes. The compiler may not reorder sums, so
+    results are the same to the last bit, compiled or not.
 
-    Arrays are better assigned element by element: for a whole one, numba compiles what its error
-    message takes, which are seconds in every process that compiles at all.
+    In such a function assign arrays element by element. An assignment of a whole array takes numba
+    seconds more to compile, in every process that compiles, because of the error message it may
+    raise.
     """
     return _made(function)
 
 
 def loosely(function: F) -> F:
-    """Compile with products and sums fused and reordered.
+    """Make a function run compiled, with products and sums fused and reordered.
 
-    It is ``compiled`` for numbers whose rounding decides nothing.
+    Use ``loosely`` in place of ``compiled`` for numbers whose rounding decides nothing.
     """
     return _made(function, fastmath={"contract", "reassoc"})
 
 
 def unlocked(function: F) -> F:
-    """Compile so that other threads may run meanwhile.
+    """Make a function run compiled without Python's lock, so that other threads run meanwhile.
 
-    It is ``compiled`` for functions whose arrays no other thread writes to.
+    Use ``unlocked`` in place of ``compiled`` if no other thread writes to the function's arrays.
     """
     return _made(function, nogil=True)
 
 
 def for_each_number(function: F) -> F:
-    """Compile a version for each number that stands in a call.
+    """Make a function run compiled, with a version for each value of a literal number in a call.
 
-    It is ``compiled`` for loops whose length is then known.
+    Use ``for_each_number`` in place of ``compiled`` for loops whose length is given by such a
+    number: the compiler then knows it.
     """
     made = _made(function)
     if isinstance(made, Compiled):
@@ -78,10 +81,10 @@ def for_each_number(function: F) -> F:
 
 
 def written_out(function: F) -> F:
-    """Compile a function into each place that calls it.
+    """Make a function inline: it is compiled into each place that calls it.
 
-    It is ``compiled`` for parts of loops that take so many arrays that to hand them over in a call,
-    each one counted, would cost more than the work.
+    Use ``written_out`` in place of ``compiled`` for parts of loops that take many arrays. Passing
+    an array costs a reference count, and many of these cost more than the work itself.
     """
     made = _made(function)
     if isinstance(made, Compiled):
@@ -90,10 +93,10 @@ def written_out(function: F) -> F:
 
 
 def compiled_beside(stand_in: Callable[..., Any]) -> Callable[[F], F]:
-    """Compile a function, and call another one in its place until then.
+    """Make a function run compiled, and run ``stand_in`` in its place until it is compiled.
 
-    The other returns the same to the last bit, whole arrays at a time, and so does not take
-    seconds.
+    ``stand_in`` returns the same to the last bit. It works on whole arrays in NumPy, and so is
+    fast.
     """
 
     def made(function: F) -> F:
@@ -106,10 +109,10 @@ def compiled_beside(stand_in: Callable[..., Any]) -> Callable[[F], F]:
 
 
 def expect(function: Callable[..., Any], seconds: float) -> None:
-    """Say how long a coming call would take if a compiled function were interpreted.
+    """Tell a compiled function how many seconds its next call would take if interpreted.
 
-    It is compiled if that takes less. This is for loops that do not come back to Python before they
-    are done.
+    If these and its past seconds exceed the limit, the function is compiled at that call. A loop
+    that returns to Python only at its end needs this.
     """
     if isinstance(function, Compiled):
         function.expect(seconds)
@@ -117,7 +120,7 @@ def expect(function: Callable[..., Any], seconds: float) -> None:
 
 @contextmanager
 def compiling() -> Iterator[None]:
-    """A context in which each function is compiled when it is first called."""
+    """Return a context in which each function is compiled at its first call."""
     usual, Compiled.patient = Compiled.patient, False
     try:
         yield
@@ -128,7 +131,8 @@ def compiling() -> Iterator[None]:
 class Compiled:
     """A function that runs interpreted until compiling it pays off.
 
-    Compiled functions that call it call its machine code, interpreted ones its source.
+    If compiled code calls the function, it calls its machine code. If interpreted code does, it
+    calls the Python source.
     """
 
     literal = False  # whether numbers that stand in a call have versions of their own
@@ -162,17 +166,14 @@ class Compiled:
         return result
 
     def expect(self, seconds: float) -> None:
-        """Compile the function when called, once the seconds of interpreting exceed ``_PATIENCE``.
-
-        Past and coming seconds count.
-        """
+        """Have the next call compiled if past and coming seconds exceed ``_PATIENCE``."""
         self._lasts = self._lasts or self._spent + seconds > _PATIENCE
 
     @cached_property
     def _may_be_kept(self) -> bool:
         """Return whether machine code of this function may be on the disk.
 
-        False if there was no file that could be its own when the process first asked.
+        The disk is looked at once in a process: False if no file had the function's name then.
         """
         return any(self._function.__name__ in name for name in _names_in(self._place))
 
@@ -184,9 +185,9 @@ class Compiled:
 
     @cached_property
     def _source(self) -> Callable[..., Any]:
-        """Return the function in its interpreted form, which calls others in theirs.
+        """Return the interpreted form of the function, which calls other interpreted forms.
 
-        Its ``math`` raises no errors.
+        Its ``math`` functions return infinity or nan in place of raising an error.
         """
         scope: dict[str, Any] = {"__builtins__": builtins}
         named = self._function.__globals__
@@ -198,10 +199,10 @@ class Compiled:
 
 
 class _Callee(types.Dispatcher):  # type: ignore[misc, unused-ignore]  # numba is untyped in some versions
-    """The function as numba sees it in a call.
+    """A ``Compiled`` function as numba sees it in a call from compiled code.
 
-    A number that stands in the call is one like any other: a version for each would be compiled
-    otherwise.
+    A literal number in the call is passed as an ordinary number. Otherwise numba would compile a
+    version for each value.
     """
 
     def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
@@ -218,14 +219,14 @@ def _as_numba_sees_it(function: Compiled, _: Any) -> Any:
 
 
 def _names_of(code: CodeType) -> set[str]:
-    """Return the names in a function's code, and in code within it."""
+    """Return the global names that a function's code uses, also in functions nested in it."""
     return set(code.co_names).union(
         *(_names_of(part) for part in code.co_consts if isinstance(part, CodeType))
     )
 
 
 def _called_by(function: Any) -> dict[str, Compiled]:
-    """The compiled functions that a function names."""
+    """Return the compiled functions that a function uses, by name."""
     scope = function.__globals__
     return {
         name: scope[name]
@@ -235,16 +236,16 @@ def _called_by(function: Any) -> dict[str, Compiled]:
 
 
 def _boxed(result: Any) -> Any:
-    """A result as numba hands it to Python: numbers as Python's own."""
+    """Return a result with NumPy's numbers replaced by Python's, as numba does."""
     if isinstance(result, np.generic):
         return result.item()
     return tuple(map(_boxed, result)) if type(result) is tuple else result
 
 
 def _without_errors(name: str) -> Callable[..., float]:
-    """Return a function of ``math`` that returns what C's does where Python's raises.
+    """Return a function of ``math`` that returns infinity or nan where Python raises an error.
 
-    That is infinity, or not a number.
+    C's functions, and so compiled code, do the same.
     """
     function, fallback = getattr(math, name), getattr(np, name)
 
@@ -264,22 +265,22 @@ vars(_MATH).update(
 
 
 class _Here(local):
-    """The state of this thread."""
+    """The state of this thread: whether a call may only use code that is on the disk."""
 
-    only_kept = False  # what is not on the disk is not to be compiled
+    only_kept = False  # code that is not on the disk must not be compiled
 
 
 _here = _Here()
 
 
 class _NotKept(Exception):
-    """Machine code would have to be compiled."""
+    """Error raised inside numba when a function would have to be compiled."""
 
 
 class _Refuser(event.Listener):
-    """Breaks off unwanted compiling once numba has begun it.
+    """A listener to numba that stops compiling in threads whose call may only use code on the disk.
 
-    Only numba knows what is on its disk.
+    Only numba knows which machine code is on its disk, so it has to begin before it can be stopped.
     """
 
     def on_start(self, event: Any) -> None:
@@ -292,7 +293,7 @@ class _Refuser(event.Listener):
 
 @cache
 def _names_in(place: Path) -> frozenset[str]:
-    """The files in a folder and the folders in it."""
+    """Return the names of all files in a folder and in the folders in it."""
     return frozenset(path.name for path in place.rglob("*"))
 
 
@@ -312,7 +313,7 @@ def _made(function: F, **options: Any) -> F:
 
 
 def _package_of(file: Path) -> Path:
-    """The outermost folder that a file belongs to by its imports; the file's own, of a script."""
+    """Return the folder of a file's top-level package; for a script, the folder it lies in."""
     folder = file.parent
     while (folder / "__init__.py").is_file() and (folder.parent / "__init__.py").is_file():
         folder = folder.parent
@@ -320,11 +321,11 @@ def _package_of(file: Path) -> Path:
 
 
 def _packages_called(function: Callable[..., Any], home: Path) -> set[Path]:
-    """Return the packages whose code a function of ``home`` may call.
+    """Return the folders of packages whose code a function in package ``home`` may call.
 
-    They are its own, this one, and those that its module has imported compiled functions or modules
-    of. What else a process has imported makes no difference: a program with compiled functions of
-    its own would compile everybody's again.
+    These are ``home``, this package, and packages from which the function's module has imported
+    modules or compiled functions. Whatever else the process has imported does not count. Otherwise
+    a program with compiled functions of its own would have all others compiled again.
     """
     found = _PACKAGES.setdefault(home, {_HOME, home})
     for value in function.__globals__.values() if home != _HOME else ():
@@ -345,10 +346,11 @@ _OURS: set[Any] = set()
 
 @cache
 def _cache_of(usual: str, folder: Path, packages: frozenset[Path]) -> str:
-    """Return where to keep the machine code of a folder's functions.
+    """Return the folder in which to keep machine code of functions in ``folder``.
 
-    Each state of the sources, of whole packages, has a place of its own. numba looks for changes in
-    a function's own file only, not in the files of the functions it calls.
+    Its name contains a hash of the sources of all ``packages``, so a change of any of them leads to
+    a new folder. numba itself would only notice changes in a function's own file, not in the
+    functions it calls.
     """
     sources = {path: path.read_bytes() for home in packages for path in home.rglob("*.py")}
     digest = hashlib.blake2b(digest_size=8)
@@ -359,9 +361,9 @@ def _cache_of(usual: str, folder: Path, packages: frozenset[Path]) -> str:
 
 
 def first_on_this_machine() -> bool:
-    """Return whether this process is the first to say that it compiles these sources.
+    """Return whether this process is the first on this machine to compile the present sources.
 
-    It is also True each time if nothing can be kept. From now on a process has said so.
+    The process is then noted on disk. If nothing can be written, the result is always True.
     """
     place = Path(_cache_of(_settings.CACHE_DIR, Path(__file__).parent, frozenset({_HOME})))
     try:
@@ -375,9 +377,10 @@ def first_on_this_machine() -> bool:
 
 
 class _Announcer(event.Listener):
-    """Writes to the standard error that a first call is being compiled, and when it is done.
+    """A listener to numba that says on standard error when compiling begins and when it has ended.
 
-    Only the first process on a machine writes it, not those that compile beside it or later.
+    Only the first process on a machine says so. Processes that compile beside it or later are
+    silent.
     """
 
     _QUIET = 3.0  # seconds without anything to compile, after which it is over
@@ -411,10 +414,7 @@ class _Announcer(event.Listener):
                 waits.start()
 
     def _finish(self, quiet: float) -> None:
-        """Say that compiling is over, if nothing was compiled for so many seconds.
-
-        It is said once.
-        """
+        """Say, once, that compiling has ended, if nothing was compiled for ``quiet`` seconds."""
         with self._lock:
             if self._begun is not None and not self._under_way and monotonic() >= self._end + quiet:
                 _say(f"compiled, in {self._end - self._begun:.0f} s")

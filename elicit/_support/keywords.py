@@ -1,4 +1,4 @@
-"""Checks of the keywords that a function takes through a common set (``**options``)."""
+"""Checks of keywords that a function takes as ``**options`` from a common set."""
 
 from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
@@ -11,17 +11,17 @@ R = TypeVar("R")
 
 
 def check_keywords(taker: Any, given: Mapping[str, Any], common: Iterable[str]) -> None:
-    """Raise TypeError for a keyword that there is not, and name the nearest one that there is.
+    """Raise TypeError for an unknown keyword, and suggest the nearest known one.
 
     Parameters
     ----------
     taker : function or class
-        Takes ``given`` as ``**options``. Its own keywords, and those of its base classes, are
-        suggested too.
+        The callable that was given ``given`` as ``**options``. Its own keywords, and those of its
+        base classes, are suggested too.
     given : mapping
         The options by name.
     common : names
-        The keywords of the common set.
+        The keywords that ``**options`` may hold.
     """
     unknown = [name for name in given if name not in common]
     if not unknown:
@@ -42,7 +42,7 @@ def check_keywords(taker: Any, given: Mapping[str, Any], common: Iterable[str]) 
 
 
 def naming_nearest(function: Callable[P, R]) -> Callable[P, R]:
-    """Make a function name the nearest keyword if it is given one that it does not have."""
+    """Decorate a function: its error for an unknown keyword then suggests the nearest known one."""
     known = [*signature(function).parameters]
 
     @wraps(function)

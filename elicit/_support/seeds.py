@@ -1,4 +1,4 @@
-"""Seeds as callers give them: one word for them, and a fresh one where none is given."""
+"""Seeds as callers give them: one keyword for all of them, and a fresh seed for None."""
 
 import secrets
 from collections.abc import Callable
@@ -12,17 +12,17 @@ _R = TypeVar("_R")
 
 
 def seed_of(seed: Seed | None) -> Seed:
-    """The seed itself; where it is None, an int from the operating system's randomness.
+    """Return the seed itself, or for None a random int from the operating system.
 
-    Whoever takes a seed keeps this one, so that what was drawn can be drawn again.
+    A caller keeps the result, so that a run can be repeated.
     """
     return secrets.randbits(63) if seed is None else seed
 
 
 def takes_rng(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Take ``rng=`` for ``seed=``, the older word for the same.
+    """Decorate a function that takes ``seed=`` so that it takes the older keyword ``rng=`` as well.
 
-    Raises TypeError where both are given.
+    Raises TypeError if both are given.
     """
 
     @wraps(function)

@@ -1,7 +1,7 @@
-"""Linear algebra on one thread, whatever the machine has; and how many cores it has.
+"""Linear algebra limited to one thread, and the number of cores.
 
-How a sum is split among threads shows in its last digits, which can decide what is asked next.
-Systems of a few hundred unknowns are also solved ten times faster.
+The number of threads changes the order of a sum and so its last digits, which can decide the next
+question. With one thread, systems of a few hundred unknowns are also solved ten times faster.
 """
 
 import os
@@ -17,9 +17,9 @@ from threadpoolctl import LibController, OpenBLASController, ThreadpoolControlle
 
 
 class _Depth(local):
-    """The number of blocks that this thread is in, and what it has to set back.
+    """A thread's number of nested ``with one_thread`` blocks, and the limits to restore after them.
 
-    The latter is used if the limit is a thread's own.
+    The limits are those of libraries that limit each thread separately.
     """
 
     def __init__(self) -> None:
@@ -28,11 +28,11 @@ class _Depth(local):
 
 
 class _OneThread(ContextDecorator):
-    """A block, or a decorated function, in which BLAS has one thread.
+    """A context, or a decorator, in which BLAS uses one thread.
 
-    The limit is that of the whole process in most libraries: it ends when the last of the threads
-    that are in such a block leaves it, whichever that is. To enter a block costs some microseconds,
-    within another one next to nothing.
+    Most libraries have one limit for the whole process. It is lifted when the last thread in such a
+    block leaves it. Entering a block takes some microseconds, and entering a nested one almost no
+    time.
     """
 
     def __init__(self) -> None:
@@ -43,7 +43,7 @@ class _OneThread(ContextDecorator):
 
     @cached_property
     def _libraries(self) -> tuple[list[LibController], list[LibController]]:
-        """Return libraries whose limit is a thread's own, and those whose is the process's."""
+        """BLAS libraries with a limit for each thread, and those with one limit for the process."""
         own, shared = list[LibController](), list[LibController]()
         for library in ThreadpoolController().select(user_api="blas").lib_controllers:
             by_openmp = (
@@ -82,7 +82,7 @@ class _OneThread(ContextDecorator):
 
 
 def _limited(libraries: list[LibController]) -> dict[LibController, int]:
-    """Give each library one thread; how many those had that had another number."""
+    """Limit each library to one thread, and return the previous limits that were not 1."""
     before = {library: n for library in libraries if (n := library.num_threads) not in (1, None)}
     for library in before:
         _set(library, 1)
@@ -95,10 +95,9 @@ def _restore(before: dict[LibController, int]) -> None:
 
 
 def _set(library: LibController, n: int) -> None:
-    """Set the number of threads, also if another thread has set it last.
+    """Set a library's number of threads, also if another thread was the last to set it.
 
-    OpenBLAS's controller would then do nothing, and whoever leaves last could not lift what the
-    first set.
+    Without the two other calls OpenBLAS's controller would ignore the new number in that case.
     """
     OpenBLASController.clear_controlling_thread(force=True)
     library.set_num_threads(n)

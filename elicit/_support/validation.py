@@ -1,6 +1,6 @@
-"""Checks of settings that never raise by themselves.
+"""Checks of settings, which return False for any bad value and never raise by themselves.
 
-A text, None, nan, or a number without end is only found wrong.
+Bad values include a text, None, nan and infinity.
 """
 
 import unicodedata
@@ -11,9 +11,9 @@ from typing import Any
 
 
 def is_number(value: Any, least: float = -inf, most: float = inf) -> bool:
-    """Return whether a setting is a finite number in ``least`` ..
+    """Return whether a value is a finite number from ``least`` to ``most``.
 
-    ``most``; a text, None, True or False is none.
+    A text, None, True and False are not numbers.
     """
     if isinstance(value, bool) or not isinstance(value, Real):
         return False
@@ -24,12 +24,12 @@ def is_number(value: Any, least: float = -inf, most: float = inf) -> bool:
 
 
 def is_whole(value: Any, least: int) -> bool:
-    """Return whether a setting is a whole number of at least ``least``."""
+    """Return whether a value is a whole number of at least ``least``."""
     return is_number(value, least) and bool(int(value) == value)
 
 
 def is_range(value: Any, least: float = -inf, most: float = inf) -> bool:
-    """Return whether a setting is two finite numbers, ``least`` <= low <= high <= ``most``."""
+    """Return whether a value is two finite numbers with ``least`` <= low <= high <= ``most``."""
     try:
         low, high = value
     except (TypeError, ValueError):
@@ -38,18 +38,18 @@ def is_range(value: Any, least: float = -inf, most: float = inf) -> bool:
 
 
 def is_list(value: Any, n: int) -> bool:
-    """Return whether a setting is a sequence of n items; a text is none."""
+    """Return whether a value is a sequence of n items. A text is not."""
     return isinstance(value, Sized) and not isinstance(value, str | bytes) and len(value) == n
 
 
 def require(holds: bool, name: str, wanted: str, value: object) -> None:
-    """Raise ValueError unless the setting of that name is what is ``wanted``."""
+    """Raise ValueError that the setting ``name`` must be ``wanted``, unless ``holds`` is true."""
     if not holds:
         raise ValueError(f"{name} must be {wanted}, not {value!r}")
 
 
 def with_visible_controls(text: str) -> str:
-    """Return a text with its control characters in the form in which Python's source has them."""
+    """Return a text with control characters written as Python escapes."""
     if text.isprintable():
         return text
     return "".join(repr(c)[1:-1] if unicodedata.category(c) in _CONTROLS else c for c in text)
@@ -58,7 +58,7 @@ def with_visible_controls(text: str) -> str:
 def check_printable(name: str, texts: Iterable[str]) -> None:
     """Raise ValueError if a text holds a control character.
 
-    Printed, it could change what a person sees of all that stands around it.
+    A control character, once printed, could change the other text on a person's screen.
     """
     for one in texts:
         if one.isprintable():  # saves a look at each character

@@ -1,6 +1,6 @@
-"""The pairs that the tutor has answered, by value.
+"""The pairs of vectors that the tutor has answered, looked up by their difference.
 
-It does not matter where a pair was compared, or in which order its vectors stood.
+Where a pair was compared does not matter, nor which of its vectors stood left.
 """
 
 from __future__ import annotations
@@ -16,9 +16,10 @@ from elicit.model.scale import Floats
 
 
 class AnsweredPairs:
-    """The tutor's answers to pairs, for lookups by value.
+    """The tutor's answers to pairs, looked up by difference.
 
-    Two differences within ``pairs.nearness`` are one pair; the latest answer to a pair counts.
+    Two differences within ``pairs.nearness`` count as the same pair. Of several answers to a pair
+    the latest counts.
     """
 
     def __init__(self, k: int) -> None:
@@ -35,20 +36,20 @@ class AnsweredPairs:
         return len(self.table.rows)
 
     def copy(self) -> AnsweredPairs:
-        """A table of its own: what is added to it leaves this one as it is."""
+        """Return a copy. Additions to it leave this table unchanged."""
         new = object.__new__(AnsweredPairs)
         new.table = self.table._replace(
             said=self.table.said.copy(), binding=self.table.binding.copy()
         )
-        return new  # rows behind the last are free, and whoever adds one overwrites them
+        return new  # rows behind the last are free: adding one overwrites them
 
     @property
     def any_binding(self) -> bool:
-        """Return whether there is an answer that no model may overrule."""
+        """Return whether some answer is binding: no model may overrule it."""
         return bool(self.table.binding[: len(self)].any())
 
     def add(self, d: Floats, verdict: int, *, binding: bool) -> None:
-        """Keep what was said of a difference d (k,)."""
+        """Keep the verdict of an answer about a difference d (k,)."""
         t = np.ascontiguousarray(tail_sums(d))
         row, way = find(t, self.table)
         if row == NOT_THERE:
@@ -58,12 +59,12 @@ class AnsweredPairs:
             self.table.binding[row] |= binding
 
     def add_many(self, d: Floats, verdicts: Verdicts) -> None:
-        """Keep what was said (n,) of differences d (n, k); what was called equal is binding."""
+        """Keep the verdicts (n,) of answers about differences d (n, k). "Equal" is binding."""
         for row, verdict in zip(d, verdicts.tolist(), strict=True):
             self.add(row, verdict, binding=verdict == Verdict.EQUAL)
 
     def said(self, t: Floats) -> Verdicts:
-        """Return what was said (n,) of the pairs with tail sums t (n, p); UNKNOWN: nothing."""
+        """Return the answers (n,) to pairs with tail sums t (n, p), UNKNOWN where there is none."""
         rows, ways = np.full(len(t), NOT_THERE), np.ones(len(t), np.int64)
         if len(self):
             expect(find_all, 1e-5 * t.size)

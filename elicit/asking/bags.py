@@ -2,10 +2,10 @@
 
 An example: "of 10 days: 10 stable, or 6 critical and 4 well?"
 
-What a learner needs to know comes as long vectors of odd shares. A *bag question* sets one level
-for certain against a mixture of a worse and a better one in small whole numbers of days (the time
-trade-off of Torrance, Thomas and Sackett 1972). Its answer often decides the same thing; where it
-tells less, more questions are needed.
+A learner's own questions are about vectors of odd shares, such as 0.1372. A *bag question* sets one
+level for certain against a mixture of a worse and a better level, in small whole numbers of days
+(the time trade-off of Torrance, Thomas and Sackett 1972). Its answer often decides the learner's
+question too. If it does not, another question follows.
 """
 
 from collections.abc import Sequence
@@ -27,15 +27,17 @@ from elicit.model.difference import as_vectors, tail_sums
 from elicit.model.scale import Floats
 from elicit.tutors.erring_tutor import says_left
 
-_LEAST = 1e-3  # bits: what tells less is no question
+_LEAST = 1e-3  # bits: a question that tells less is not asked
 MOST_QUESTIONS = 200_000
-"""Largest number of bags to weigh: under a thousand scales so many already fill gigabytes."""
+"""Largest number of bag questions to weigh. With a thousand scales, this many already fill
+gigabytes."""
 
 
 class BagQuestions(NamedTuple):
-    """Pairs of bags, and how easy each is to answer.
+    """Pairs of bags, and how easy each pair is to compare.
 
-    ``left`` and ``right`` (n, k) are in whole days; ease (n,) lies in (0, 1].
+    ``left`` and ``right`` (n, k) are in whole days. ``ease`` (n,) lies in (0, 1], and 1 is the
+    easiest.
     """
 
     left: Floats
@@ -47,9 +49,9 @@ class BagQuestions(NamedTuple):
 class Bags:
     """Settings of questions about bags.
 
-    ``days``: the number in a bag; 10 or fewer are easy to picture. ``simplicity`` in 0..1: the
-    share of the best question's information that may be given up for an easier question. Raises
-    ValueError.
+    ``days`` is the number of days in a bag; 10 or fewer are easy to picture. ``simplicity``, in
+    0..1, is the share of the best question's information that may be given up for an easier
+    question. Raises ValueError.
     """
 
     days: int = 10
@@ -61,9 +63,9 @@ class Bags:
         require(is_number(self.simplicity, 0, 1), "simplicity", "a number in 0..1", self.simplicity)
 
     def questions(self, k: int) -> BagQuestions:
-        """All bag questions about k levels, those with the fewest and roundest numbers first.
+        """Return all bag questions about k levels, those with few and round numbers first.
 
-        Raises ValueError where there are more than ``MOST_QUESTIONS``.
+        Raises ValueError if there are more than ``MOST_QUESTIONS``.
         """
         k, days = check_levels(k), int(self.days)
         count = comb(k, 3) * (days - 1)
@@ -81,13 +83,14 @@ class Bags:
     def best(
         self, draws: Draws, about: ArrayLike, lapse: float = 0.0, skip: Sequence[int] = ()
     ) -> tuple[int, Floats]:
-        """Return which of ``questions`` to ask, and how many bits each tells.
+        """Return the row of ``questions`` to ask, and the information (n,) of each of them in bits.
 
-        It tells them of the signs of ``about`` (c, k). Taken is the easiest question of those that
-        tell at least (1 - simplicity) of what the best does; -1 if none tells anything. ``draws``
-        say what is plausible, ``lapse`` how often a tutor answers at random, and ``skip`` are rows
-        not to ask. Raises ValueError for differences that are no finite numbers of the draws' k
-        levels, for a lapse outside 0..1, and for a row to skip that ``questions`` has not.
+        The information is about the signs of d.e for the differences ``about`` (c, k). Chosen is
+        the easiest question with at least (1 - simplicity) of the greatest information. The row is
+        -1 if none has any. ``draws`` are plausible scales, ``lapse`` is the share of answers given
+        at random, and ``skip`` are rows not to ask. Raises ValueError if ``about`` is not finite or
+        not of the draws' k levels, ``lapse`` is outside 0..1, or ``questions`` has no row of
+        ``skip``.
         """
         k = len(draws.gaps) + 1
         wanted_signs, asked = as_vectors(about, k), self.questions(k)
@@ -108,7 +111,7 @@ class Bags:
         return int(order[0]), told
 
     def sentence(self, left: Floats, right: Floats, labels: Sequence[str]) -> str:
-        """The question in words, of bags (k,) in days."""
+        """Return the question in words, for bags (k,) in days."""
         bags = [zip(days, labels, strict=True) for days in (left, right)]
         said = [" and ".join(f"{int(n)} {label}" for n, label in bag if n) for bag in bags]
         return f"of {self.days} days: {said[0]} (left), or {said[1]} (right)?"
@@ -131,28 +134,29 @@ def _all_questions(k: int, days: int) -> BagQuestions:
 
 
 def ease(days: int, good: int, ends: bool) -> float:
-    """Return how easy a mixture of ``good`` better days and the rest worse is to answer, in (0, 1].
+    """Return in (0, 1] how easy it is to picture ``good`` better days among ``days``.
 
-    Halves are easier than fifths, and these than tenths. The worst and the best level (``ends``)
-    are the easiest to have in mind.
+    Halves are easier than fifths, and fifths easier than tenths. Mixtures of the worst and the best
+    level (``ends``) are easier than others.
     """
     return 2.0 * gcd(days, good) / days * (1.0 if ends else 0.7)
 
 
 def entropy(chance: Floats) -> Floats:
-    """Return the entropy of a yes or no with this chance, in bits."""
+    """Return the entropy, in bits, of an answer that is yes with this probability."""
     p, q = np.clip(chance, 1e-300, 1.0), np.clip(1.0 - chance, 1e-300, 1.0)
     return np.asarray(-(chance * np.log2(p) + (1.0 - chance) * np.log2(q)))
 
 
 def information(chance: Floats, events: NDArray[np.bool_], weights: Floats) -> Floats:
-    """Return the mutual information (n,), in bits, of an answer and of events.
+    """Return the mutual information (n,), in bits, of answers to n questions with some events.
 
-    ``chance`` (n, m) is the answer's under m scales of these weights (m,), and each of ``events``
-    (c, m) is true or false under each scale. The result is the mean over the events.
+    ``chance`` (n, m) is the probability of the answer under each of m scales with ``weights`` (m,).
+    Each of ``events`` (c, m) is true or false under each scale. The result is the mean over the
+    events.
     """
     prior = product(events, weights)
-    some = (prior > 0) & (prior < 1 - 1e-12)  # what is sure tells nothing
+    some = (prior > 0) & (prior < 1 - 1e-12)  # a certain event tells nothing
     if not some.any():
         return np.zeros(len(chance))
     true, mass = events[some] * weights, prior[some]

@@ -1,10 +1,8 @@
-"""The best of a plain list of vectors, or their order, by few questions.
+"""Choosing the best of a plain list of vectors, or sorting the list, with few questions.
 
-It works by ask and tell, without an MDP.
-
-It chooses as if the comparator's best guess at the scale were right, collects the comparisons that
-depend on the guess alone, and asks about the one whose answer is most open; when none is left, the
-choice holds whatever the scale.
+It works by ask and tell, without an MDP. The vectors are ranked as if the comparator's best guess
+at the scale were right. Comparisons that the answers do not prove are collected, and the one whose
+answer is most uncertain is asked. When none is left, the choice holds under every scale.
 """
 
 import hashlib
@@ -28,9 +26,7 @@ from elicit.model.outcomes import Status
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, dot
 
-_CONTENDERS = (
-    8  # best of: a question is about two of so many; more saves none and costs bounds of more pairs
-)
+_CONTENDERS = 8  # a question is about two of the best ones, this many; more save none and cost time
 _Indices = NDArray[np.intp]
 _Plan = tuple[
     list[int], int, _Indices
@@ -41,11 +37,11 @@ _Plan = tuple[
 class Choice:
     """The result of a choice.
 
-    best: index of the best vector, the first in the list of equals. order: all indices, best first,
-    or None if only the best was wanted. name: that of the best. asked: questions told, among them
-    ``cannot_tell`` without a verdict. decided: how many pairs each tier decided ("equal",
-    "dominance", "lp", "tutor", "guess", ...). answers: what the comparator learned from. guarantee:
-    computes ``loss_bound`` and ``confidence``.
+    best: index of the best vector, the first if several are equal. order: all indices, best first,
+    or None if only the best was wanted. name: the name of the best. asked: number of questions
+    answered, of which ``cannot_tell`` got no verdict. decided: number of pairs that each tier
+    decided ("equal", "dominance", "lp", "tutor", "guess", ...). answers: the answers that the
+    comparator learned. guarantee: a function that computes ``loss_bound`` and ``confidence``.
     """
 
     best: int
@@ -65,9 +61,10 @@ class Choice:
 
     @property
     def loss_bound(self) -> float:
-        """Upper bound on d.e of any other vector minus the one called best.
+        """Upper bound on how much better another vector can be than the one called best.
 
-        It is in units of e_k - e_1: a share of the value range if vectors are shares.
+        It bounds d.e in units of e_k - e_1, which is a share of the value range if vectors are
+        shares.
         """
         return self._guaranteed[0]
 
@@ -75,8 +72,8 @@ class Choice:
     def confidence(self) -> float:
         """The probability with which ``loss_bound`` holds.
 
-        It is 1 if it is proven of every scale that the answers allow, a posterior's level, and nan
-        if none can be stated.
+        It is 1 if the bound is proven for every scale that the answers allow. For a posterior it is
+        the posterior's level. It is nan if no probability can be stated.
         """
         return self._guaranteed[1]
 
@@ -104,17 +101,17 @@ def choose(
     Parameters
     ----------
     vectors
-        The alternatives, (n, k): how much of each level, worst first. They must have equal totals,
-        as shares do.
+        The alternatives, (n, k): the amount of each level, worst level first. They must have equal
+        totals, as shares do.
     comparator
         Decides comparisons from the answers so far.
     order
-        Whether to find the whole order. By default only the best is found.
+        If True, find the whole order. By default only the best is found.
     names
         The n alternatives' names, for people. Questions and the result show them.
     max_queries
-        Largest number of questions. The best guess at the scale decides what is still open after
-        it.
+        Largest number of questions. Comparisons that are open after it follow the best guess at the
+        scale.
     check_totals
         ``False`` accepts vectors of unequal totals, and takes the worst level as worth nothing.
     known
@@ -134,12 +131,12 @@ def choose(
         If vectors are not finite, not (n, k), or of unequal totals. If there are not n ``names`` or
         not k ``labels``.
     TypeError
-        If ``comparator`` is none.
+        If ``comparator`` is not a comparator.
 
     Notes
     -----
-    With unequal totals the choice would depend on what the worst level is worth, which an order of
-    levels does not say.
+    With unequal totals the choice would depend on the value of the worst level, which the order of
+    the levels does not give.
     """
     check_comparator_made(comparator)
     rows = as_vectors(vectors, comparator.k, name="vectors").copy()
@@ -185,7 +182,7 @@ def choose(
 def _check_labels(labels: Sequence[str] | None, n: int, k: int) -> None:
     """Raise ValueError unless ``labels`` is None or k names.
 
-    n names were meant as those of the alternatives.
+    If there are n of them, the error says that the alternatives' names go into ``names``.
     """
     if n != k and is_list(labels, n):
         raise ValueError(
@@ -229,24 +226,24 @@ class Choosing:
         self._advance()
 
     def ask(self) -> tuple[Query, ...]:
-        """The pending query, the same one until it is told; () when finished."""
+        """Return the pending query, the same one until it is answered; () when finished."""
         return self._elicitation.ask()
 
     @property
     def comparator(self) -> Comparator:
-        """The comparator, which holds what is known of the scale."""
+        """The comparator with all answers learned so far."""
         return self._elicitation.comparator
 
     def tell(
         self, answers: Sequence[Answer], on_conflict: OnConflict = "raise"
     ) -> tuple[Answer, ...]:
-        """Take the answer to the pending query.
+        """Take the answer to the pending query, and return dropped answers.
 
-        With the verdict None, the vector that is ahead stays ahead.
+        If the tutor cannot tell, the vector with the higher estimate stays ahead.
 
-        Raises StaleAnswer where no such query is pending (see ``query.match``), and lets the
-        comparator's InconsistentAnswers through, unless ``on_conflict="drop"``: then such an answer
-        decides its own pair only, and is returned. Where it raises, nothing has changed.
+        Raises StaleAnswer if no such query is pending (see ``query.match``), and
+        InconsistentAnswers if the answer contradicts earlier ones. Then nothing has changed. With
+        ``on_conflict="drop"`` a contradicting answer decides its own pair only, and is returned.
         """
         before = self._elicitation
         never_change = (self._vectors, before.comparator, before.answers)
@@ -264,7 +261,7 @@ class Choosing:
         return dropped
 
     def result(self) -> Choice:
-        """The choice; before the end, the one by the best guess at the scale so far."""
+        """Return the choice; before the end, the choice by the best guess at the scale so far."""
         asked = self._elicitation
         tied = Status.CALLED_EQUAL if asked.called_equal else Status.DONE
         status = Status.UNSURE if asked.unsure or asked.cannot_tell else tied
@@ -289,7 +286,7 @@ class Choosing:
     def _advance(self) -> None:
         """Rank the vectors, and open the next question.
 
-        Comparisons that the answers leave open go by the best guess. If there are none, or if the
+        Comparisons that the answers do not decide follow the best guess. If there are none, or the
         question budget is spent, no question is opened.
         """
         scores = dot(tail_sums(self._vectors), np.diff(best_guess(self._elicitation.comparator)))
@@ -313,11 +310,11 @@ class Choosing:
         self._elicitation.open([Pair(self._vectors[ahead], self._vectors[other], about)])
 
     def _plan_best(self, by_guess: _Indices) -> _Plan:
-        """Return three things about the vectors that no other one beats by the answers so far.
+        """Return vectors that may be the best, the number after the first, and pairs to ask.
 
-        These are the vectors themselves, sorted by their estimated value, best first; how many
-        follow the first, which is ahead of them by estimate only; and the pairs (n, 2) of the first
-        few that may be asked about, with the better estimate first.
+        A vector may be the best if no other is better by the answers so far. They are sorted by
+        estimated value, best first. The pairs (n, 2) are among the first few, the better estimate
+        first.
         """
         left: list[int] = []
         for i in self._standing:
@@ -335,10 +332,11 @@ class Choosing:
         )
 
     def _plan_order(self, by_guess: _Indices) -> _Plan:
-        """Plan the comparisons for the whole order.
+        """Return the order of the vectors, and the number and pairs of comparisons by estimate.
 
-        Each vector is inserted from the end of those whose guess is better, by a search that
-        doubles its steps, so a good guess costs one comparison each.
+        Each vector is inserted into the sorted list by a search that starts at the end where its
+        estimate puts it, and doubles its steps. So a good estimate costs one comparison for each
+        vector.
         """
         self._decide(by_guess[:-1], by_guess[1:])
         groups: list[list[int]] = []
@@ -368,7 +366,7 @@ class Choosing:
         )
 
     def _most_open(self, pairs: _Indices) -> tuple[int, int]:
-        """Return the pair whose d.e reaches about as far above 0 as below it.
+        """Return the pair for which the bounds on d.e reach about as far above 0 as below it.
 
         Either answer then teaches much.
         """
@@ -383,7 +381,7 @@ class Choosing:
     def _enter(
         self, i: _Indices, j: _Indices, verdicts: NDArray[np.int8], finality: NDArray[np.int8]
     ) -> None:
-        """The verdicts (n,) on rows i against rows j, both (n,), and so those on j against i."""
+        """Note verdicts (n,) on rows i against rows j, (n,) each, and the flipped ones on j, i."""
         self._verdicts[i, j], self._finality[i, j], self._finality[j, i] = (
             verdicts,
             finality,
@@ -392,10 +390,10 @@ class Choosing:
         self._verdicts[j, i] = np.where(verdicts == Verdict.UNKNOWN, verdicts, -verdicts)
 
     def _decide(self, ahead: ArrayLike, other: ArrayLike) -> NDArray[np.int8]:
-        """Verdicts (n,) on rows ``ahead`` (n,) against rows ``other`` (n,) or one row.
+        """Return verdicts (n,) on rows ``ahead`` (n,) against rows ``other`` (n,) or one row.
 
-        The comparator's are final, and so is a tie; what else the tutor said stands until the
-        comparator can tell.
+        Verdicts of the comparator are final, and so are ties. Another answer of the tutor stands
+        until the comparator decides the pair.
         """
         a, b = np.broadcast_arrays(
             np.asarray(ahead, dtype=np.intp), np.asarray(other, dtype=np.intp)
@@ -418,10 +416,7 @@ class Choosing:
 
 
 def _loses_at_most(vectors: Floats, best: int, comparator: Comparator) -> tuple[float, float]:
-    """Return how much better another of the vectors (n, k) can be than the best.
-
-    The confidence in that comes second.
-    """
+    """Return a bound on how much better another of the vectors (n, k) is, and its confidence."""
     high, confidence = simultaneous_bounds(
         comparator, np.delete(vectors, best, axis=0) - vectors[best]
     )

@@ -1,10 +1,13 @@
-"""Questions for a tutor of whose answers a few may be wrong.
+"""Choice of questions to a tutor of whose answers a few may be wrong.
 
-What is plausible then is a union of cells, each with other answers taken to be wrong. An answer to
-a new question cuts each cell in two, but keeps the other part as well, as a cell in which this
-answer is the wrong one. So a question is worth what it leaves open in all cells together, where a
-cell with fewer wrong answers counts more: more of its answers can still turn out wrong. It may also
-be an old question, asked again: the same answer removes the cells in which the first was wrong.
+Each guess at which answers are wrong leaves a set of plausible scales, a *cell* (see
+``comparators.polytope.cells``). All scales that are plausible form the union of the cells. An
+answer to a new question cuts each cell in two. The part that fits the answer stays in the cell. The
+other part stays too, as a new cell in which this answer is wrong.
+
+So the value of a question is how little it leaves open over all cells. A cell with fewer wrong
+answers counts more, because more of its answers can still turn out wrong. The question may also be
+an old one asked again: the same answer then removes the cells in which the first answer was wrong.
 
 The weights are those of Berlekamp's strategy for Ulam's game (Pelc 2002, Theoretical Computer
 Science 270).
@@ -34,7 +37,7 @@ _MORE = 6.0  # times that a cell counts more for each further answer that may be
 
 
 class Confirming(NamedTuple):
-    """A difference (k,) to ask about, and which of those given it is, -1 for another one."""
+    """A difference (k,) to ask about, and its row among the given ones, or -1 if it is new."""
 
     d: Floats
     row: int
@@ -42,23 +45,23 @@ class Confirming(NamedTuple):
 
 @one_thread
 def confirming_question(comparator: Comparator, d: Floats, limit: float) -> Confirming:
-    """Return the question whose answer leaves least to learn in all cells together.
+    """Return the question whose answer is expected to leave least open over all cells.
 
     Parameters
     ----------
     comparator : Comparator
-        Made of cells, with draws and answers. How likely an answer is follows from its draws, and
-        what it leaves from telling it to each cell, whose bounds answers must lower, as a
-        polytope's do.
+        A comparator with ``cells``, draws and answers. The draws give the probability of each
+        answer. Telling an answer to a cell gives the bounds that it leaves; these must fall with
+        answers, as a polytope's do.
     d : (n, k)
-        Differences to close, n > 0: upper bounds on d.e are to come down to ``limit``. Each counts
-        by how many halvings it is away from that.
+        Differences whose upper bounds on d.e are to come down to ``limit``; n > 0. A difference
+        counts by the number of times that its bound must still be halved.
     limit : float
 
     Returns
     -------
     Confirming
-        Deterministic.
+        The same input gives the same question.
     """
     known = cast(_CellScales, comparator)
     parts = [_WeighedCell.of(cell, known.wrong, d, limit) for cell in known.cells]
@@ -73,7 +76,7 @@ def confirming_question(comparator: Comparator, d: Floats, limit: float) -> Conf
 
 
 class _CellScales(Protocol):
-    """The parts of a comparator that are used here."""
+    """The parts of a cell's comparator that are used here."""
 
     wrong: int
     cells: Sequence[Cell]
@@ -82,7 +85,7 @@ class _CellScales(Protocol):
 
 
 class _WeighedCell(NamedTuple):
-    """A cell: how many more answers may be wrong, the differences to close, and their bounds."""
+    """A cell, how many more answers may be wrong in it, the differences, and their bounds in it."""
 
     cell: Cell
     left: int
@@ -91,14 +94,17 @@ class _WeighedCell(NamedTuple):
 
     @staticmethod
     def of(cell: Cell, wrong: int, d: Floats, limit: float) -> _WeighedCell:
-        """Return the cell with the bounds on d (n, k)."""
+        """Return a cell with its bounds on d (n, k).
+
+        In total ``wrong`` answers may be wrong, including those that are wrong in the cell.
+        """
         high = simultaneous_bounds(cell.scales, d)[0]
         return _WeighedCell(cell, wrong - len(cell.wrong), d, high)
 
     def after(self, asked: Floats, limit: float) -> tuple[float, float]:
-        """Return the halvings left in the part of the cell where ``asked`` is better.
+        """Return how many halvings are left in the two parts of the cell that a question makes.
 
-        The second number is that of the part where it is worse.
+        In the first part ``asked`` is better, and in the second worse. See ``cuts.halvings``.
         """
         rows = np.flatnonzero(self.high > limit)
         if not len(rows):
@@ -121,7 +127,7 @@ class _WeighedCell(NamedTuple):
 
 
 def _expected(asked: Floats, parts: Sequence[_WeighedCell], limit: float) -> float:
-    """Return the expected logarithm of what an answer about ``asked`` (k,) leaves open."""
+    """Return the expected log of the weighted halvings left after asking about ``asked`` (k,)."""
     better = sum(part.cell.weight * part.chance(asked) for part in parts)
     left = [1.0, 1.0]  # after "better", after "worse"
     for part in parts:

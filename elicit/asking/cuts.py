@@ -1,10 +1,11 @@
-"""Questions of one's own making that close several open questions at once.
+"""Questions made to close several open differences at once.
 
-To show that d.e is at most a limit for each of many differences d, one can ask about each d. But
-once nearly all that is plausible agrees, such an answer is known beforehand and teaches next to
-nothing: it cuts off the thin part of the plausible set in which that one difference is open. A
-*cut* is a difference made for the purpose, between two mixtures of levels, and goes deeper: it
-takes away the parts in which several are open, and some of the rest.
+A learner needs to show that d.e is at most a limit for each of many differences d. It could ask
+about each d. But once nearly all plausible scales agree about a d, the answer is nearly certain,
+and removes only the thin part of the plausible set in which that d exceeds the limit.
+
+A *cut* is a difference made for the purpose, between two mixtures of levels. It goes deeper into
+the plausible set, and removes the parts in which several differences exceed the limit.
 """
 
 import numpy as np
@@ -19,7 +20,7 @@ from elicit.model.difference import tail_sums
 from elicit.model.needs import Needs
 from elicit.model.scale import Floats
 
-# A cut is worth asking if it promises so many times what the other question does. Benchmarks on
+# A cut is worth asking if it promises this many times as much as the other question. Benchmarks on
 # families of problems and random MDPs: with 1 it took questions more on most families.
 _TIMES = 2.0
 _WAYS = 12  # directions, from the middle towards where differences are open
@@ -29,27 +30,26 @@ _SHARES = (
     0.5,
     0.7,
     0.85,
-)  # of what is plausible that a cut leaves where the answer is the likely one
-_FLAT = 1e-9  # of the longest: directions shorter than that have no room
-_GRAINS = 2.0**30  # of which a mixture of a cut is made
+)  # shares of the plausible scales that a cut leaves after the likelier answer
+_FLAT = 1e-9  # share of the longest direction: shorter ones have no room
+_GRAINS = 2.0**30  # grains that a mixture of a cut consists of
 
 
 CUTTING = Needs(required=("simultaneous_bounds", "draws"), used=("bounds_after",))
-"""Optional parts of a comparator that cuts are chosen by."""
+"""The optional parts of a comparator by which cuts are chosen."""
 
 
 @one_thread
 def closing_cut(
     comparator: Comparator, draws: Draws, d: Floats, high: Floats, limit: float, instead: Floats
 ) -> Floats | None:
-    """Return the cut (k,) whose answer closes most of differences d (n, k), n > 0.
+    """Return the cut (k,) whose answer brings the bounds on differences d (n, k) down most.
 
-    None if the best cut promises less than ``_TIMES`` what the question ``instead`` (k,) does.
-
-    Upper bounds ``high`` (n,) on d.e are to come down to ``limit``, and each counts by how many
-    halvings it is away from that. ``draws`` say how likely each of the two answers is, and the
-    comparator says which bounds each would leave (``bounds_after``). These must fall with answers,
-    as a polytope's do. Deterministic.
+    Upper bounds ``high`` (n,) on d.e, n > 0, are to come down to ``limit``. Each counts by the
+    number of times that it must still be halved. ``draws`` give the probability of each answer, and
+    the comparator's ``bounds_after`` the bounds after it. These must fall with answers, as a
+    polytope's do. The result is None if the best cut promises less than ``_TIMES`` as much as the
+    question ``instead`` (k,). No randomness.
     """
     order = np.argsort(-high, kind="stable")
     d, high = d[order], high[order]
@@ -65,7 +65,7 @@ def closing_cut(
 
 
 def _chances(asked: Floats, draws: Draws) -> Floats:
-    """Return the weight (2,) of the draws that say "worse" of ``asked`` (k,), and "better"."""
+    """Return the weights (2,) of the draws under which ``asked`` (k,) is worse, and better."""
     below = float(product(product(tail_sums(asked), draws.gaps) < 0, draws.weights))
     return np.array([below, 1.0 - below])
 
@@ -74,11 +74,11 @@ def _chances(asked: Floats, draws: Draws) -> Floats:
 def closing_cut_of_one(
     panel: Panel, d: Floats, high: Floats, limit: float
 ) -> tuple[str, Floats] | None:
-    """Return the cut (k,) that closes most of differences d (n, k), n > 0, if one member answers.
+    """Return a panel member's name, and the cut (k,) whose answer by that member closes most.
 
-    The member, who comes first, is the one whose own bounds exceed their best guess by most, by
-    weight and over all of d that are open. ``high`` (n,) are upper bounds on the mean d.e, which
-    are to come down to ``limit``. None if no cut of theirs promises anything. Deterministic.
+    The member is the one with the largest sum, over all open differences d (n, k), of the weighted
+    distance from best guess to bound. ``high`` (n,), n > 0, are upper bounds on the mean d.e, which
+    are to come down to ``limit``. The result is None if no cut promises anything. No randomness.
     """
     open_rows = high > limit
     own = {name: simultaneous_bounds(one, d)[0] for name, one in panel.members.items()}
@@ -108,35 +108,33 @@ def closing_cut_of_one(
 
 
 def halvings(bounds: Floats, limit: float) -> float:
-    """Return by how many halvings the bounds (n,) exceed the limit, in total."""
+    """Return how many times the bounds (n,) must be halved to reach the limit, in total."""
     return float(np.log2(np.maximum(bounds / limit, 1.0)).sum())
 
 
 def halvings_left(
     comparator: Comparator, asked: Floats, d: Floats, high: Floats, limit: float
 ) -> Floats:
-    """Return the ``halvings`` (c, 2) that are left after the answers worse and better.
+    """Return the ``halvings`` (c, 2) that would be left after the answers "worse" and "better".
 
     The questions are ``asked`` (c, k). The bounds on d (n, k) before them are ``high`` (n,). An
-    answer that contradicts what is known leaves 0.
+    answer that contradicts earlier ones would leave 0.
     """
     after = np.minimum(high, bounds_after(comparator, asked, d, limit))
     return np.array([_each_halvings(left, limit) for left in after])
 
 
 def _each_halvings(left: Floats, limit: float) -> Floats:
-    """Return the ``halvings`` (2,) after the answers worse and better, of bounds (2, n)."""
+    """Return the ``halvings`` (2,) of bounds (2, n) after the answers "worse" and "better"."""
     return np.array([halvings(bounds, limit) for bounds in left])
 
 
 def cuts_towards(draws: Draws, d: Floats, high: Floats, limit: float) -> list[Floats]:
-    """Return differences (k,) that part the draws: each is below 0 for one of ``_SHARES`` of them.
+    """Return candidate cuts (k,): each splits the draws so that ``_SHARES`` of them have d.e < 0.
 
-    Their directions are those of the d (n, k) whose bounds are the greatest.
-
-    A direction is a vector of tail sums. Its length is the standard deviation of d.e over the
-    draws, so that the draws scatter alike to all sides. The cosine of two directions is the
-    correlation of their d.e.
+    Each cut points along one of the d (n, k) with the greatest bounds, as a vector of tail sums.
+    Lengths and angles are measured by the draws: a vector's squared length is the variance of its
+    d.e over the draws, and the cosine of two vectors is the correlation of their d.e.
     """
     spread = draws.gaps - product(draws.gaps, draws.weights)[:, None]
     covariance = product(spread * draws.weights, spread.T)
@@ -176,11 +174,11 @@ def cuts_towards(draws: Draws, d: Floats, high: Floats, limit: float) -> list[Fl
 
 
 def _difference(t: Floats) -> Floats:
-    """Return the difference (k,) of two mixtures without a level in common.
+    """Return the difference (k,) whose tail sums are t (p,) times a positive factor.
 
-    Each mixture has total 1. The difference has tail sums t (p,) up to a positive factor, in whole
-    ``_GRAINS``. So its bits are the same if draws differ by rounding, as those of answers told at
-    once do from those of answers told one by one.
+    It is the difference of two mixtures of total 1 that have no level in common, rounded to whole
+    ``_GRAINS``. The rounding removes differences in the draws' last bits, such as those between
+    learning answers at once and one by one.
     """
     d = -np.diff(np.concatenate([[0.0], t, [0.0]]))
     d = np.round(d / np.maximum(d, 0.0).sum() * _GRAINS)

@@ -1,9 +1,9 @@
 """Decides comparisons for a learner, and chooses which ones to put to the tutor.
 
-It takes differences, and returns verdicts or says that the tutor must be asked. Its user reports
-the verdicts that were acted on. It holds everything that all askers share: the comparator's
-knowledge, indifference, the question budget, audits, "cannot tell", "about equal", never asking a
-pair twice, and the counts.
+An ``Elicitation`` takes differences, and returns verdicts or says that the tutor must be asked. The
+learner reports which verdicts it acted on. All that learners and other askers have in common is
+here: the comparator, indifference, the question budget, audits, answers "cannot tell" and "about
+equal", and the counts. No pair is asked twice.
 """
 
 from collections import Counter
@@ -71,14 +71,15 @@ OnConflict: TypeAlias = Literal["raise", "drop"]
 
 
 class Elicitation:
-    """Decides differences for one user, such as a learner, and keeps the answers and the counts.
+    """Decides differences for one asker, such as a learner, and keeps the answers and the counts.
 
-    A pair that is certainly near, no farther apart than about the comparator's ``tie``, may be
-    called equal, and that would teach next to nothing. Once the last few such pairs were, no more
-    of them are asked about: they count as equal.
+    Some pairs are certainly near: their values differ by no more than about the comparator's
+    ``tie``, so the tutor may call them equal, and such an answer teaches next to nothing. Once the
+    tutor has called the last few of these equal, no more of them are asked, and they count as
+    equal.
 
-    A comparator of several people says whom to ask. Then a pair stays open, and the others are
-    asked about it, until the comparator can tell, or nobody can tell it more.
+    If the comparator is of several people, it says whom to ask. A pair then stays open, and others
+    are asked about it, until the comparator can decide or no further answer would help.
 
     Parameters
     ----------
@@ -182,14 +183,14 @@ class Elicitation:
         self._learn_known(asking.get("known", ()))
 
     def decide(self, d: Floats, places: Callable[[int], Place] | None = None) -> Decisions:
-        """Decide differences d (n, k) by comparator, earlier answers and budget.
+        """Decide differences d (n, k) by the comparator, earlier answers and the question budget.
 
-        The verdict is UNKNOWN if the tutor must be asked. Then the tier is TUTOR. In an audit it is
-        the tier that has decided the pair, and the tutor is only to confirm it. Nothing is counted.
+        The verdict is UNKNOWN if the tutor must be asked. Its tier is then TUTOR, or in an audit
+        the tier that had decided the pair. Nothing is counted: see ``commit``.
 
-        ``places`` gives the place of a row: where the tutor could not tell, its estimates keep
-        changing a little, and a person must not be asked about each new version of the same
-        pair.
+        ``places`` gives each row's place. If the tutor could not tell a pair, the learner's
+        estimates at its place keep changing a little. The place says that a new version is still
+        the same pair, so that a person is not asked about it again.
         """
         n, t = len(d), np.ascontiguousarray(tail_sums(d))
         verdicts, tiers = decide(self.comparator, d)
@@ -217,7 +218,7 @@ class Elicitation:
         return Decisions(verdict, tier)
 
     def asking_state(self) -> AskingState:
-        """Return what ``decide`` decides by, as arrays, for compiled loops."""
+        """Return what ``decide`` depends on beside the comparator, as arrays for compiled loops."""
         asks = self.signs is None
         return AskingState(
             indifference=self.indifference if asks else 0.0,
@@ -240,7 +241,7 @@ class Elicitation:
             self.watch(d, decisions)
 
     def open(self, pairs: Sequence[Pair]) -> tuple[Query, ...]:
-        """Make the pending queries of UNKNOWN pairs."""
+        """Make pairs whose verdict is UNKNOWN the pending queries, and return these."""
         pending, number = [], self._number
         for pair in pairs:
             query = self._query(pair, number)
@@ -251,18 +252,18 @@ class Elicitation:
         return self.ask()
 
     def ask(self) -> tuple[Query, ...]:
-        """The pending queries."""
+        """Return the pending queries."""
         return tuple(p.query for p in self.pending)
 
     def tell(
         self, answers: Sequence[Answer], on_conflict: OnConflict
     ) -> tuple[dict[str, Verdict], tuple[Answer, ...]]:
-        """Take answers to pending queries, and return verdicts by query id, and dropped answers.
+        """Take answers to pending queries; return verdicts by query id, and the dropped answers.
 
-        The verdict on "cannot tell" is ``undecided``, or for an audit the one that the answers
-        imply. Answers that contradict the others are dropped. If it raises, nothing has changed. If
-        it is interrupted (Ctrl+C), either nothing has changed or everything has. In the second case
-        the verdicts are in ``to_act_on``.
+        If the tutor cannot tell, the verdict is ``undecided``; in an audit it is the one that the
+        answers imply. Answers that contradict earlier ones are dropped with ``on_conflict="drop"``.
+        If it raises, nothing has changed. If Ctrl+C interrupts it, either nothing has changed or
+        everything has. In the second case the verdicts are in ``to_act_on``.
         """
         if on_conflict not in ("raise", "drop"):
             raise ValueError(f"on_conflict must be 'raise' or 'drop', not {on_conflict!r}")
@@ -354,12 +355,12 @@ class Elicitation:
         }, dropped
 
     def _publish(self, **state: Any) -> None:
-        """Set several attributes at once: no interruption, such as Ctrl+C, comes between them."""
+        """Set several attributes at once, so that Ctrl+C cannot come between them."""
         vars(self).update(state)
 
     @property
     def room(self) -> int:
-        """The number of answers that a compiled loop may take by itself, with the rule as it is.
+        """The number of answers that a compiled loop may take before it returns to Python.
 
         It is 0 if each answer may change what is asked next.
         """
@@ -370,7 +371,10 @@ class Elicitation:
 
     @property
     def room_in_rule(self) -> int:
-        """The number of strict answers that a compiled loop may enter in the comparator's rule."""
+        """The number of answers "better" or "worse" that a compiled loop may add to the rule.
+
+        The rule is the comparator's knowledge as arrays.
+        """
         comparator = self.comparator
         near_matter = self._near_ties.in_a_row or self.indifference
         if near_matter or not isinstance(comparator, LearnsInLoops):
@@ -378,7 +382,7 @@ class Elicitation:
         return self._at_most(rule_of(comparator).room)
 
     def _at_most(self, room: int) -> int:
-        """Return room for answers, less what the budget excludes; 0 if Python must see each."""
+        """Return ``room``, or less by the question budget; 0 if Python must see each answer."""
         unfree = self._audit or self._unclear or self.pending or self.guesses or self.signs
         if unfree or self._several:
             return 0
@@ -387,11 +391,12 @@ class Elicitation:
     def take(
         self, left: Floats, right: Floats, verdicts: Verdicts, rule: Rule | None = None
     ) -> None:
-        """Learn answers (n,) that a loop got from a tutor by itself.
+        """Learn answers (n,) that a compiled loop got from a simulated tutor.
 
-        They are about vectors left and right (n, k), within the ``room`` there was, and count as if
-        they had been asked and told one by one. The loop counts the comparisons. If it has entered
-        the answers in the comparator's rule, within ``room_in_rule``, that ``rule`` is given.
+        The answers are about vectors left and right (n, k), at most ``room`` of them. They count as
+        if they had been asked and told one by one. The loop itself counts the comparisons. If it
+        has added the answers to the comparator's arrays (see ``room_in_rule``), these are given as
+        ``rule``.
         """
         first = self._number
         ids = [
@@ -413,11 +418,12 @@ class Elicitation:
         )
 
     def take_at_once(self, left: Floats, right: Floats, verdict: Verdict) -> bool:
-        """Learn one answer about vectors left and right (k,) without query objects.
+        """Learn an answer about vectors left and right (k,) without making a query; return success.
 
-        The effect is as if the pair had been opened and told; only a person or a log needs the
-        objects. Returns False, and changes nothing, where only ``open`` and ``tell`` will do: where
-        the answer is "equal", or contradicts the others, or may end a row of such answers.
+        The effect is that of ``open`` and ``tell``, which make the query and answer that a person
+        or a log needs. The result is False, and nothing has changed, if the answer is "equal",
+        contradicts others, or may end a row of answers "equal". Then ``open`` and ``tell`` are
+        needed.
         """
         if verdict == Verdict.EQUAL or self._near_ties.in_a_row or self.pending or self.guesses:
             return False
@@ -452,9 +458,9 @@ class Elicitation:
 
     @property
     def indifference(self) -> float:
-        """The greatest bounds of an undecided pair that counts as equal.
+        """The greatest bounds on d.e with which an undecided pair counts as equal.
 
-        It is as given, and more once the tutor has called equal what is near.
+        It is the option's value, and more once the tutor has called near pairs equal.
         """
         if self.gave_up:
             return max(self._indifference, self._near_ties.near)
@@ -462,24 +468,24 @@ class Elicitation:
 
     @property
     def gave_up(self) -> bool:
-        """True if pairs that are certainly near are no longer asked about.
+        """True if pairs that are certainly near count as equal without being asked.
 
-        That is so once the last few of them were called equal.
+        That is so once the tutor has called the last few of them equal.
         """
         return self._near_ties.gave_up
 
     @property
     def called_equal(self) -> bool:
-        """True if pairs that may differ by more than the indifference count as equal.
+        """True if some pairs count as equal although they may differ by more than the indifference.
 
-        The tutor called them, or pairs as near, equal.
+        The tutor has called these pairs equal, or others that are as near.
         """
         wider = self._near_ties.tie > self._indifference
         return wider and bool((self.answers.y == 0).any() or self.gave_up)
 
     @property
     def max_queries(self) -> int | None:
-        """The largest number of questions; None: no limit."""
+        """The largest number of questions; None if there is no limit."""
         return self._max_queries
 
     @property
@@ -489,22 +495,23 @@ class Elicitation:
 
     @property
     def unsure(self) -> bool:
-        """True if pairs count as ties because the tutor could not tell.
+        """True if some pairs count as ties because the tutor could not tell.
 
-        Audits keep the verdict of the answers.
+        Audits that the tutor could not tell do not matter: their pairs keep the verdict of the
+        answers.
         """
         return bool(self._unclear) or self._untold
 
     @property
     def guesses(self) -> bool:
-        """True if the comparator's best guess at the scale stands in for the tutor."""
+        """True if undecided pairs follow the best guess at the scale, for want of questions."""
         return self.puts_off or self.spent
 
     def may_ask(self, d: Floats, places: Callable[[int], Place]) -> NDArray[np.bool_]:
-        """Return which of the differences d (n, k) may be asked about.
+        """Return flags (n,): which of the differences d (n, k) may be put to the tutor.
 
-        Those may not that were answered before, or compared at a place where the tutor could not
-        tell.
+        Two kinds may not: those already answered, and those at a place at which the tutor could not
+        tell. ``places`` gives the place of a row.
         """
         new: NDArray[np.bool_] = self._answered.said(tail_sums(d)) == Verdict.UNKNOWN
         if self._unclear:
@@ -512,17 +519,16 @@ class Elicitation:
         return new
 
     def unable(self, pair: Pair) -> tuple[str, ...]:
-        """Return which of several people could not tell a pair, or contradicted themselves."""
+        """Return who, of several people, could not tell a pair or contradicted themselves on it."""
         return self._cannot.names(pair)
 
     def _is_unclear(self, place: Place) -> bool:
         return not self._unclear.isdisjoint(place)
 
     def next_batch(self, d: Floats) -> list[int]:
-        """Return which of the differences d (n, k), all UNKNOWN, to ask about now.
+        """Return the rows of differences d (n, k), all UNKNOWN, to ask about now.
 
-        They are the first ones, as many as batch and budget allow; of several rows about one pair
-        only the first.
+        They are the first rows of different pairs, as many as ``batch`` and the budget allow.
         """
         room = (
             self.batch
@@ -532,7 +538,7 @@ class Elicitation:
         return first_of_each_pair(d, room)
 
     def _learn_known(self, known: EarlierAnswers) -> None:
-        """Take in what was answered before."""
+        """Take in earlier answers, given as the option ``known``."""
         k = self.comparator.k
         known = checked_known(known, k)
         if isinstance(known, Answers):
@@ -569,7 +575,7 @@ class Elicitation:
     def _learn_in_order(self, told: Answers) -> None:
         """Have the comparator learn these answers, as if they had been told one by one.
 
-        Those that called equal what is near are counted.
+        Answers "equal" to certainly near pairs are counted.
         """
         done = 0
         for i, y in enumerate(told.y if self._near_ties.counts else ()):
@@ -580,7 +586,7 @@ class Elicitation:
         self.comparator, _ = learn(self.comparator, told[done:], one_by_one=False)
 
     def _enter(self, entry: Entry) -> Answer | None:
-        """Keep what was said of one pair; the answer itself where the comparator is to learn it."""
+        """Note an earlier answer in the counts, and return it if the comparator is to learn it."""
         answer = entry.answer
         if entry.retracted:
             return None
@@ -608,17 +614,18 @@ class Elicitation:
         return answer if taken else None
 
     def _keep(self, told: Answers) -> None:
-        """Keep what was said of pairs, where enough answers agree."""
-        if self._several:  # of which one cannot say what the others would
+        """Note answers as final for their pairs, where enough answers agree."""
+        if self._several:  # one person cannot say what the others would
             return
         for i, y in enumerate(told.y.tolist()):
             if self._enough_agree(told[: i + 1], told.d[i], y):
                 self._answered.add(told.d[i], y, binding=y == 0)
 
     def _enough_agree(self, answers: Answers, d: Floats, verdict: int) -> bool:
-        """Return whether enough of the answers about a difference d (k,) say this.
+        """Return whether enough answers give this verdict on d (k,) not to ask it again.
 
-        It is then not asked again. One is enough, and one more for each that may be wrong.
+        One is enough if every answer is right. For each answer that may be wrong, one more is
+        needed.
         """
         wrong = wrong_of(self.comparator)
         if not wrong:
@@ -629,10 +636,10 @@ class Elicitation:
     def _act_on(
         self, answer: Answer, asked: Pending, unused: bool, comparator: Comparator
     ) -> Verdict:
-        """Return the verdict to act on.
+        """Return the verdict to act on after an answer.
 
-        It is the tutor's, or ``undecided`` if the tutor cannot tell. An audit's answer that fits
-        the other answers is learned first. Then the comparator's verdict counts, if it has one.
+        It is the tutor's verdict, or ``undecided`` if the tutor cannot tell. In an audit, an answer
+        that fits the others has been learned, and the comparator's verdict counts if it has one.
         """
         if answer.verdict is None:
             return self._undecided if asked.expected is None else asked.expected
@@ -642,16 +649,16 @@ class Elicitation:
         return answer.verdict if now is Verdict.UNKNOWN else now
 
     def _query(self, pair: Pair, number: int) -> Query:
-        """Return the question about a pair, to the person whom the comparator chooses."""
+        """Return the question about a pair, addressed to the person whom the comparator chooses."""
         asked = addressed(self.comparator, pair, self._cannot)
         return Query.make(
             self._fingerprint, number, asked.left, asked.right, asked.about, self._labels, asked.who
         )
 
     def _cannot_now(self, paired: Sequence[tuple[Answer, Pending, bool]]) -> CannotTell:
-        """Return the pairs that one of several cannot tell, after these answers.
+        """Return the pairs that each of several people cannot tell, after these answers.
 
-        An answer that was dropped counts so too: the same person would only be asked again.
+        A dropped answer counts as "cannot tell": asking the same person again would not help.
         """
         cannot = self._cannot
         for answer, asked, unused in paired if self._several else ():
@@ -666,11 +673,11 @@ class Elicitation:
 
 
 def _rows(answers: Answers, several: bool) -> Iterator[tuple[bytes, int, str | None]]:
-    """Each answer's difference and verdict, and of several people whose it is."""
+    """Return for each answer its difference, its verdict, and its person if there are several."""
     who = answers.who if several else (None,) * len(answers)
     return zip(map(np.ndarray.tobytes, answers.d), answers.y.tolist(), who, strict=True)
 
 
 def _implied(comparator: Comparator, d: Floats) -> Verdict:
-    """Return the verdict of a comparator on one difference d (k,)."""
+    """Return a comparator's verdict on one difference d (k,)."""
     return Verdict(int(decide(comparator, d).verdicts[0]))

@@ -1,8 +1,8 @@
-"""The policy of an elicitation, in code that numba can compile.
+"""The rules by which an elicitation decides a pair, in code that numba can compile.
 
-It says what decides a pair, and in which order. ``decide_by_facts`` states it once, for whole
-arrays (``Elicitation.decide``) and for the learners' compiled loops. It goes by ``Facts``. If a
-fact is missing, it says which one, and the caller finds it out.
+``decide_by_facts`` states which facts decide and in which order. Both ``Elicitation.decide``, for
+whole arrays, and the learners' compiled loops use it. A caller looks up facts only as needed: if
+one is missing, the result says which, and the caller finds it.
 """
 
 from typing import Any, NamedTuple
@@ -39,7 +39,7 @@ NO_FACT, COMPARATOR, PLACE, BOUNDS = range(4)  # which fact is needed to go on
 
 
 class AskingState(NamedTuple):
-    """The state of an elicitation, as plain arrays."""
+    """Everything that an elicitation decides by beside the comparator, as plain arrays."""
 
     indifference: float
     audit: float  # share of the pairs decided by answers that the tutor is to confirm
@@ -51,7 +51,7 @@ class AskingState(NamedTuple):
 
 
 class Facts(NamedTuple):
-    """Facts about a pair (or about n, as int64 arrays). LEFT_OPEN: not looked up."""
+    """Facts about a pair (or about n pairs, as int64 arrays). LEFT_OPEN: not looked up yet."""
 
     verdict: Any  # the comparator's own
     tier: Any  # of that verdict
@@ -60,9 +60,9 @@ class Facts(NamedTuple):
 
 
 class PairDecision(NamedTuple):
-    """The verdict of an elicitation on one pair (or on n, as arrays).
+    """The verdict of an elicitation on one pair (or on n, as arrays), and its tier.
 
-    UNKNOWN means that the tutor must be asked, LEFT_OPEN that a fact is needed.
+    UNKNOWN means that the tutor must be asked, and LEFT_OPEN that a fact is missing.
     """
 
     verdict: Any
@@ -75,10 +75,9 @@ class PairDecision(NamedTuple):
 
 @compiled
 def decide_by_facts(t: Any, asking: AskingState, facts: Facts) -> PairDecision:
-    """Decide a pair with tail sums t (p,) by what is known of it.
+    """Decide a pair with tail sums t (p,) by the facts about it, such as the comparator's verdict.
 
-    The comparator's verdict on it is among the facts. The result may be that the tutor must be
-    asked.
+    The result may be that the tutor must be asked, or that a fact is missing.
     """
     verdict, tier = facts.verdict, facts.tier
     if verdict == LEFT_OPEN:
@@ -107,7 +106,7 @@ def decide_by_facts(t: Any, asking: AskingState, facts: Facts) -> PairDecision:
 
 @compiled
 def decide_rows(rows: Any, t: Any, asking: AskingState, facts: Facts, out: PairDecision) -> None:
-    """Write the results of ``decide_by_facts`` for rows of tail sums t (n, p) into ``out``."""
+    """Write the decisions of ``decide_by_facts`` on rows of tail sums t (n, p) into ``out``."""
     for i in rows:
         found = decide_by_facts(
             t[i], asking, Facts(facts.verdict[i], facts.tier[i], facts.unclear[i], facts.close[i])
@@ -119,11 +118,11 @@ def decide_rows(rows: Any, t: Any, asking: AskingState, facts: Facts, out: PairD
 def decide_pair(
     d: Any, t: Any, sums: Any, certificate: Any, rule: Rule, asking: AskingState
 ) -> PairDecision:
-    """Find the facts about one pair, and decide it by ``decide_by_facts``.
+    """Find the facts about one pair that dominance does not decide, and decide it by them.
 
-    Its difference is d (k,), and dominance has left it open. Facts are looked up as far as compiled
-    code can, with the comparator's rule. t and sums (p,) are
-    overwritten. ``certificate`` is as for ``by_rule``.
+    d (k,) is the pair's difference and t (p,) its tail sums. The comparator's verdict comes from
+    its ``rule``, as far as compiled code can find it. t and sums (p,) are overwritten.
+    ``certificate`` is as in ``by_rule``.
     """
     for j in range(len(t)):
         sums[j] = t[j]
@@ -148,5 +147,5 @@ def decided(verdict: int, tier: int) -> PairDecision:
 
 @compiled
 def missing(fact: int) -> PairDecision:
-    """Return the decision that a fact is needed first."""
+    """Return the decision that this fact must be found first."""
     return PairDecision(LEFT_OPEN, LEFT_OPEN, False, fact)

@@ -1,9 +1,9 @@
-"""Questions about a multiple of a difference: easier to tell, and saying the same.
+"""Questions about a multiple of a difference, which have the same answer and are easier to tell.
 
-Two actions at one state often lead to nearly the same. A tutor who errs where little is at stake
+Two actions at one state often lead to nearly the same. A tutor who errs when little is at stake
 then answers nearly by chance. Whole policies or gambles differ by more, which is why published
-methods ask about those. But the sign of d.e is that of any positive multiple of d: so the common
-part of the two sides can be shrunk, and what differs enlarged.
+methods ask about those. But the sign of d.e is the same for every positive multiple of d. So a
+question can shrink what both sides have in common, and enlarge what differs.
 """
 
 from typing import Final, Literal, TypeAlias
@@ -20,12 +20,12 @@ MAGNIFIED: Final[Literal["magnified"]] = "magnified"
 AS_THEY_ARE: Final[Literal["as they are"]] = "as they are"
 
 _SLACK = 1e-9
-"""A share of the total by which a multiple may exceed the room for it: sums are rounded, and
-the choice of the power of two must not depend on that."""
+"""The share of the total by which a multiple may exceed the room for it. Sums are rounded, and the
+choice of the power of two must not depend on rounding."""
 
 _MOST = 2.0**20
-"""The greatest multiple: it enlarges the rounding of shares, about 1e-16, to 1e-10 at most, so that
-a magnified pair is still found by its value."""
+"""The greatest multiple. It enlarges the rounding of shares, about 1e-16, to at most 1e-10, so that
+a magnified pair is still recognised."""
 
 
 def multiples(left: Floats, right: Floats) -> Floats:
@@ -39,7 +39,7 @@ def multiples(left: Floats, right: Floats) -> Floats:
     Returns
     -------
     (n,)
-        At least 1. It is 1 where the sides are equal, or have little in common.
+        At least 1. It is 1 if the sides are equal, or have little in common.
     """
     total = np.maximum(left.sum(axis=1), right.sum(axis=1))
     apart = _apart(left, right)
@@ -49,10 +49,10 @@ def multiples(left: Floats, right: Floats) -> Floats:
 
 
 def magnified(pair: Pair) -> Pair:
-    """Return a pair whose difference is larger by the greatest power of two that there is room for.
+    """Return a pair with its difference multiplied by the greatest possible power of two.
 
-    The total of the larger side stays as it is, and so do the proportions of what both sides have
-    in common. A pair is known by its value up to powers of two, so it is not asked about twice.
+    The larger side keeps its total. The common part of both sides shrinks but keeps its
+    proportions. Pairs are recognised up to powers of two, so the result counts as the same pair.
     """
     times = float(multiples(pair.left[None, :], pair.right[None, :])[0])
     if times == 1.0:
@@ -66,6 +66,6 @@ def magnified(pair: Pair) -> Pair:
 
 
 def _apart(left: Floats, right: Floats) -> Floats:
-    """Return (n,) the share of each pair's larger side that the other does not have."""
+    """Return for each pair (n,) the share of its larger side that the other side does not have."""
     more, less = np.maximum(left - right, 0.0), np.maximum(right - left, 0.0)
     return np.asarray(np.maximum(more.sum(axis=1), less.sum(axis=1)))

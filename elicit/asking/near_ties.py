@@ -1,4 +1,7 @@
-"""Answers "equal" in a row, to pairs that are certainly near: after a few, no more are asked."""
+"""The rule for near ties: after a few answers "equal" in a row, no more such pairs are asked.
+
+The pairs are certainly near: their values differ by no more than about the tutor's tie.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -9,8 +12,8 @@ from elicit.model.query import Answer, Verdict
 from elicit.model.scale import Floats
 
 _IN_A_ROW = 5
-"""Answers "equal" to pairs that are certainly no farther apart than ``ALLOWANCE`` ties: then such
-pairs are asked about no more. With one tie in place of two, value iteration asked such tutors three
+"""After this many answers "equal" in a row, no more pairs that are certainly no farther apart than
+``ALLOWANCE`` ties are asked. With one tie in place of two, value iteration asked such tutors three
 times as much as sharp ones (docs/about-equal.md)."""
 
 
@@ -18,15 +21,15 @@ times as much as sharp ones (docs/about-equal.md)."""
 class NearTies:
     """The number of answers "equal" in a row to pairs that are certainly near.
 
-    An answer to any other pair leaves it as it is.
+    Answers to other pairs do not change the number.
 
     Attributes
     ----------
     tie : float
         The comparator's tie, a share of the value range.
     counts : bool
-        False if there is no tie, or if there are several people: one of them cannot say what the
-        others would call equal. Then the number stays 0.
+        False, and the number stays 0, if there is no tie. Also if there are several people, because
+        one person cannot say what others would call equal.
     """
 
     tie: float
@@ -35,16 +38,16 @@ class NearTies:
 
     @property
     def near(self) -> float:
-        """The largest |d.e| of a pair that is certainly near, a share of the value range."""
+        """The largest |d.e| of a certainly near pair, as a share of the value range."""
         return ALLOWANCE * self.tie
 
     @property
     def gave_up(self) -> bool:
-        """True if pairs that are certainly near are no longer asked about."""
+        """True if pairs that are certainly near are no longer asked."""
         return self.in_a_row >= _IN_A_ROW
 
     def after(self, comparator: Comparator, d: Floats, equal: bool) -> Self:
-        """Return the count after another answer, to a difference d (k,)."""
+        """Return the count after an answer about d (k,), which said ``equal`` or not."""
         low, high = bounds_of(comparator, d[None, :])
         if max(-low[0], high[0]) > self.near * (1.0 + 1e-9):
             return self

@@ -14,34 +14,35 @@ EarlierAnswers: TypeAlias = Answers | Iterable[Answer | Entry]
 """Earlier answers: Answers, an AnswerLog, or a list of Answer."""
 
 MAX_AUDITS = 50
-"""Default limit on the number of audits: enough to tell a tenth of wrong answers from none."""
+"""Default limit on the number of audits: enough to tell a tutor with a tenth of wrong answers from
+one without."""
 
 
 class AskingOptions(TypedDict, total=False):
-    """Keywords that every learner takes, and whatever else asks a tutor. All may be left out.
+    """Keywords that learners and all other askers take. Each may be left out.
 
     Attributes
     ----------
     max_queries : int, optional
-        Largest number of questions. Pairs that are still undecided after it follow the
-        comparator's best guess at the scale, and the result's status says so. None: no limit.
+        Largest number of questions. Pairs that are still undecided after it follow the comparator's
+        best guess at the scale, and the result's status says so. None: no limit.
     indifference : float, optional
         An undecided pair whose bounds on d.e lie within +- this counts as equal. It is a share of
         the value range. None: the asker's default, which a learner with a tolerance derives from
-        it.
+        the tolerance.
     audit : float
-        Share of the pairs decided by answers that is put to the tutor all the same, in 0..1.
-        Default 0.
+        Share of the pairs decided by answers that is put to the tutor all the same, to find errors,
+        in 0..1. Default 0.
     max_audits : int
         Largest number of audits. Default 50.
     batch : int
         Largest number of questions at once. Default 1. An asker with one pair in question at a
         time, such as Q-learning, leaves it unused.
     known : Answers, AnswerLog or list of Answer
-        Earlier answers. The comparator learns them, unless it has them already. None of their
-        pairs is asked again. Their audits count as audits, but their questions not as asked.
+        Earlier answers. The comparator learns those that it does not have yet. Their pairs are not
+        asked again. Audits among them count as audits, but other questions do not count as asked.
     seed : int, SeedSequence or Generator, optional
-        Picks the audits, and whatever else an asker leaves to chance. The same int gives the same
+        Picks the audits, and makes an asker's other random choices. The same int gives the same
         run. None draws a new seed, which is kept as ``.seed``. Default 0.
     labels : sequence of k str, optional
         Names of the levels, worst first, that questions show. None: a learner takes its MDP's.
@@ -63,15 +64,15 @@ def check_options(taker: object, given: AskingOptions) -> None:
 
 
 def filled(given: AskingOptions, defaults: AskingOptions) -> AskingOptions:
-    """Return the options given, with ``defaults`` in the place of those left out or None."""
+    """Return the options given. Those left out or None are taken from ``defaults``."""
     missing = {name: value for name, value in defaults.items() if given.get(name) is None}
     return cast(AskingOptions, {**given, **missing})
 
 
 def checked_known(known: EarlierAnswers, k: int) -> Answers | Iterator[Entry]:
-    """Return the option ``known`` as Answers over k levels, or entry by entry.
+    """Return the option ``known`` as Answers over k levels, or as an iterator of log entries.
 
-    Raises TypeError or ValueError, of an entry when it is reached.
+    Raises TypeError or ValueError. For a bad entry the iterator raises it on reaching the entry.
     """
     if isinstance(known, str | bytes | PathLike):
         raise TypeError(
@@ -89,7 +90,7 @@ def checked_known(known: EarlierAnswers, k: int) -> Answers | Iterator[Entry]:
 
 
 def _checked_entry(known: Answer | Entry, k: int) -> Entry:
-    """Return an answer as an entry. Raise TypeError or ValueError unless it is about k levels."""
+    """Return an answer as a log entry. Raise TypeError or ValueError unless it has k levels."""
     entry = known if isinstance(known, Entry) else Entry(known)
     answer = entry.answer
     if not isinstance(answer, Answer):

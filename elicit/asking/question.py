@@ -1,4 +1,4 @@
-"""A pair to ask about, and its records as a pending query, as an answered one, and as an audit."""
+"""A pair to ask about, and the records of it when pending, answered or audited."""
 
 from collections.abc import Hashable
 from dataclasses import dataclass
@@ -9,17 +9,16 @@ from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
 
 Place: TypeAlias = tuple[Hashable, ...]
-"""Names of where a pair is compared, such as a state and two of its actions.
-
-Its vectors may still change a little there. One name is the sentence that asks about the pair, for
-a log keeps it. Another is the same sentence with left and right exchanged."""
+"""The place where a pair is compared, such as a state and two of its actions. The pair's vectors
+may still change a little there. A place has several names. One is the sentence that asks about the
+pair, because a log keeps it. Another is the same sentence with left and right exchanged."""
 
 
 class Pair(NamedTuple):
-    """Two vectors (k,) to ask about, in words for people, and where they are compared.
+    """Two vectors (k,) to ask about, a text for people, and the place where they are compared.
 
-    With a ``tier`` other than TUTOR it is an audit, of a pair that the answers decided by that
-    tier. ``who`` is the person to ask. If it is None, the comparator chooses one of several.
+    A ``tier`` other than TUTOR marks an audit: the answers had decided the pair by that tier.
+    ``who`` is the person to ask. If it is None, a comparator of several people chooses one.
     """
 
     left: Floats
@@ -31,7 +30,7 @@ class Pair(NamedTuple):
 
 
 class Pending(NamedTuple):
-    """A query, its pair, and for an audit the verdict that the answers imply."""
+    """A pending query, its pair, and for an audit the verdict that the answers imply."""
 
     query: Query
     pair: Pair
@@ -39,7 +38,7 @@ class Pending(NamedTuple):
 
 
 class AnsweredQuery(NamedTuple):
-    """A query that was answered, and the verdict to act on."""
+    """An answered query, and the verdict to act on."""
 
     pending: Pending
     verdict: Verdict
@@ -47,7 +46,7 @@ class AnsweredQuery(NamedTuple):
 
 @dataclass(frozen=True)
 class Audit:
-    """A comparison that the answers had decided, put to the tutor all the same."""
+    """A comparison that the answers had decided, put to the tutor all the same to find errors."""
 
     query: Query
     expected: Verdict

@@ -1,4 +1,4 @@
-"""Choice of a person among several to ask about a pair, and the verdict of them all."""
+"""Choice of the one of several people to ask about a pair, and the verdict of all of them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,23 +17,24 @@ from elicit.model.query import Verdict
 from elicit.model.scale import Floats
 
 _GUESS_GRID = 2.0**40
-"""Differences of best guesses below its inverse are equal: rounding alone makes such."""
+"""Best guesses that differ by less than the inverse of this count as equal, because rounding alone
+makes such differences."""
 
 
 @dataclass(frozen=True)
 class CannotTell:
-    """The pairs that each of several people could not tell, or contradicted themselves about."""
+    """For each of several people, the pairs they could not tell or contradicted themselves on."""
 
     pairs: Mapping[str, AnsweredPairs] = field(default_factory=dict)
 
     def names(self, pair: Pair) -> tuple[str, ...]:
-        """Return who cannot tell this pair."""
+        """Return the names of the people who cannot tell this pair."""
         t = tail_sums((pair.left - pair.right)[None])
         said = {name: pairs.said(t)[0] for name, pairs in self.pairs.items()}
         return tuple(name for name, verdict in said.items() if verdict != Verdict.UNKNOWN)
 
     def adding(self, who: str | None, d: Floats) -> Self:
-        """Return these pairs and one more, of difference d (k,), that ``who`` cannot tell."""
+        """Return a copy with one more pair, of difference d (k,), that ``who`` cannot tell."""
         if who is None:
             return self
         pairs = self.pairs[who].copy() if who in self.pairs else AnsweredPairs(len(d))
@@ -42,11 +43,11 @@ class CannotTell:
 
 
 def addressed(comparator: Comparator, pair: Pair, cannot: CannotTell) -> Pair:
-    """Return the pair with the person to ask about it, whom the comparator chooses.
+    """Return a pair addressed to a person, whom the comparator chooses.
 
-    The comparator may have them asked about the pair with as much of the worst and of the best
-    level added to its sides. A pair that names a person stays as it is, and so does any pair of a
-    comparator of one person.
+    The comparator may ask the person about a shifted pair, with some of the best level added to one
+    side and as much of the worst to the other. A pair that names a person already, or with a
+    comparator of one person, is returned as it is.
     """
     people = people_of(comparator)
     if pair.who is not None or not people:
@@ -65,16 +66,16 @@ def addressed(comparator: Comparator, pair: Pair, cannot: CannotTell) -> Pair:
 
 
 def nobody_left(comparator: Comparator, pair: Pair, cannot: CannotTell) -> bool:
-    """Return whether asking any other of the people about a pair would tell no more."""
+    """Return whether no further answer about a pair would help, whoever is asked."""
     return whom_of(comparator, pair.left - pair.right, cannot.names(pair)) is None
 
 
 def verdict_of_all(
     comparator: Comparator, pair: Pair, cannot: CannotTell, indifference: float
 ) -> Verdict:
-    """Return the verdict of several people on a pair; UNKNOWN if another is to be asked.
+    """Return the verdict of several people on a pair; UNKNOWN if another person is to be asked.
 
-    If nobody can tell more, the comparator's best guess decides.
+    If no further answer would help, the comparator's best guess decides.
     """
     d = (pair.left - pair.right)[None]
     now = Verdict(int(decide(comparator, d).verdicts[0]))

@@ -1,4 +1,4 @@
 """Comparators: a folder for each model of the tutor, and the baselines that ignore answers.
 
-They import from ``decision``, ``lp``, ``model`` and ``_support``.
+This folder imports from ``decision``, ``lp``, ``model`` and ``_support``.
 """

@@ -30,7 +30,7 @@ class _Unlearning:
 
     @property
     def values(self) -> Floats:
-        """The centre (k,) of K_0: equal gaps."""
+        """The scale (k,) with equal gaps, which is the centre of all ordered scales."""
         return values_of(np.full(self.k - 1, 1.0 / (self.k - 1)))
 
     def update(self, answers: Answers) -> Self:
@@ -69,9 +69,9 @@ class _Unlearning:
 
 
 class Dominance(_Unlearning):
-    """A comparator by eq. (4) alone: it decides the differences on which every scale agrees.
+    """A comparator that decides by dominance alone: only differences on which every scale agrees.
 
-    It needs no answers.
+    It needs no answers. Dominance is the paper's eq. (4).
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ class Dominance(_Unlearning):
 class AlwaysAsk(_Unlearning):
     """A comparator that says UNKNOWN for every difference but 0.
 
-    With a truthful tutor it is the oracle baseline.
+    So the tutor decides everything, and a truthful tutor makes it a baseline without errors.
 
     Parameters
     ----------

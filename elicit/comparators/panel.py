@@ -1,12 +1,12 @@
 """Several people as one comparator over the mean of their scales.
 
-Each member has a comparator of their own, which learns only from their own answers. The panel's
+Each member has a comparator of their own, which learns only from that member's answers. The panel's
 scale is the weighted mean e = w_1 e_1 + ... + w_n e_n. So d.e lies between the weighted sums of the
-members' bounds on it. A verdict is given if these decide its sign.
+members' lower and upper bounds. A verdict is given if both sums have the same sign.
 
-People may disagree about the sign of a difference d. Then the sign of the mean depends on how far
-d.e is from 0 for each of them, which no answer about d itself says. So a member may be asked about
-d less c times the step from the worst level to the best. The answer says whether d.e exceeds c.
+People may disagree about the sign of d.e. Then the sign of the mean depends on how far d.e is from
+0 for each of them, which no answer about d itself says. So a member may be asked about d less c
+times the step from the worst level to the best. The answer says whether d.e exceeds c.
 """
 
 from __future__ import annotations
@@ -67,12 +67,15 @@ class Panel:
     """A comparator over the mean of several people's scales.
 
     It is a frozen value, as all comparators are. ``elicit.Comparator`` says what its methods take
-    and return. Bounds are the weighted sums of the members'. Their confidence is at least 1 less
-    the sum of each member's shortfall from 1. If every member's bounds depend on draws, such as
-    those of ``PosteriorComparator``, the panel has draws of the mean scale, which combine theirs as
-    independent. Then these bound a policy's loss, at the least of the members' levels.
+    and return.
 
-    With one member the panel gives the member's own questions, verdicts and bounds.
+    Bounds are the weighted sums of the members' bounds. Their confidence is at least 1 minus the
+    sum, over members, of (1 - confidence). If every member has draws on which its bounds depend, as
+    ``PosteriorComparator`` has, the panel has draws of the mean scale: each combines one draw of
+    each member, as if the members were independent. These draws then bound a policy's loss, at the
+    lowest of the members' levels.
+
+    With one member the panel gives that member's own questions, verdicts and bounds.
 
     Parameters
     ----------
@@ -82,7 +85,7 @@ class Panel:
         Weight of each person's scale in the mean, above 0; only their ratios matter. Default: equal
         weights.
     aim : "mean" or "worst"
-        The policy wanted of ``qlearn.solve``: the best for the mean scale, or the one whose
+        The policy that ``qlearn.solve`` looks for: the best for the mean scale, or the one whose
         greatest loss to any member is the least. Verdicts and bounds are of the mean either way.
 
     Attributes
@@ -150,7 +153,7 @@ class Panel:
         return _again, (dict(self.members), dict(self.weights), self.answers, self.aim)
 
     def __getattr__(self, name: str) -> Any:
-        """Return an optional part, if the members have the part that it is made of."""
+        """Return an optional part, if every member has the part that it is made from."""
         if name.startswith("_") or "members" not in vars(self):
             raise AttributeError(name)
         if len(self.people) == 1 and name in _PARTS:
@@ -173,7 +176,7 @@ class Panel:
         return values
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Return the weighted sums of the members' bounds on d.e."""
+        """Return bounds (n,) on d.e: the weighted sums of the members' lower and upper bounds."""
         rows = as_differences(d, self.k)
         both = [bounds_of(member, rows) for member in self._each]
         return self._summed([low for low, _ in both]), self._summed([high for _, high in both])
@@ -181,13 +184,14 @@ class Panel:
     def compare(self, d: ArrayLike) -> Verdicts:
         """Return verdicts (n,) on differences (n, k).
 
-        A verdict is the one on which all members agree, or else the sign of the sums of bounds.
+        The verdict is the one on which all members agree. If they do not, it is the sign that the
+        weighted sums of bounds show.
         """
         return decide_by_rule(self.rule, as_differences(d, self.k), self.decide_rest).verdicts
 
     @property
     def rule(self) -> Rule:
-        """The rule of the only member, or dominance alone if there are several."""
+        """The rule for compiled loops: the member's if there is only one, else dominance alone."""
         if len(self.people) > 1:
             return nothing()
         if compares_by_rule(type(self._only)):
@@ -196,7 +200,7 @@ class Panel:
 
     @one_thread
     def decide_rest(self, d: Floats) -> Decisions:
-        """Return verdicts and tiers (n,) of differences (n, k) that dominance leaves open."""
+        """Return verdicts and tiers (n,) of differences (n, k) that dominance does not decide."""
         if len(self.people) == 1:
             member = self._only
             by_rule = compares_by_rule(type(member)) and offers(member, "decide_rest")
@@ -218,7 +222,7 @@ class Panel:
         return Decisions(verdicts.astype(np.int8), np.full(len(d), tier, np.int8))
 
     def update(self, answers: Answers) -> Panel:
-        """Return a panel that also knows these answers: each teaches the member who gave it.
+        """Return a panel that also knows these answers: each member learns those that they gave.
 
         Parameters
         ----------
@@ -234,7 +238,7 @@ class Panel:
         ValueError
             If an answer does not say who gave it, or names nobody of the panel.
         InconsistentAnswers
-            As the members raise it. The rows are those of the panel's answers.
+            If a member's comparator raises it. Its rows are then rows of the panel's answers.
         """
         check_answers(answers, self.k)
         members = dict(self.members)
@@ -261,10 +265,10 @@ class Panel:
         """Return the member to ask about a difference d (k,), and the difference to ask them about.
 
         It is the member whose weighted interval of d.e is the widest. They are asked about d
-        itself, unless the sign of d.e is nearly known for them. Then they are asked about d less c
-        times the step from the worst level to the best. The sign of that tells whether d.e exceeds
-        c. Nobody is asked the same twice. A member whose comparator allows for errors is asked at
-        most 12 times about d in any form.
+        itself, unless the sign of d.e is nearly known for them. Then they are asked whether d.e
+        exceeds a number c, by asking about d less c times the step from the worst level to the
+        best. Nobody is asked the same twice. A member whose comparator allows for errors is asked
+        at most 12 times about d in any form.
 
         Parameters
         ----------
@@ -275,7 +279,7 @@ class Panel:
         Returns
         -------
         PersonAsked or None
-            None if nobody can tell more.
+            None if no further answer would help.
 
         Raises
         ------
@@ -301,7 +305,11 @@ class Panel:
         return min(found, key=lambda one: one[0], default=(0.0, None))[1]
 
     def _put_to(self, name: str, d: Floats, low: float, high: float) -> PersonAsked | None:
-        """Return the form of d (k,) to ask a member about, or None if they were asked already."""
+        """Return the difference to ask a member about, or None if they were asked enough.
+
+        It is d (k,) itself, or a shifted d: the answer then says whether d.e is above some number
+        between its bounds ``low`` and ``high``.
+        """
         own = self.answers.of_person(name)
         tails = tail_sums(own.d)
         # with three levels all questions are about one number
@@ -323,7 +331,7 @@ class Panel:
         return list(self.members.values())
 
     def _summed(self, of_each: Sequence[Floats]) -> Floats:
-        """Return the weighted sum of the members' arrays, one for each member, in their order."""
+        """Return the weighted sum of arrays, each of which belongs to a member."""
         if len(of_each) == 1:
             return of_each[0]
         total = np.zeros_like(of_each[0])
@@ -332,7 +340,10 @@ class Panel:
         return total
 
     def _all_at_once(self, d: ArrayLike) -> tuple[Floats, float]:
-        """Return sums of the members' simultaneous bounds, and the confidence that all hold."""
+        """Return upper bounds on d.e that hold for all rows at once, and their confidence.
+
+        The bounds are weighted sums of the members' simultaneous bounds.
+        """
         rows = as_differences(d, self.k)
         both = [simultaneous_bounds(member, rows) for member in self._each]
         lacking = sum(1.0 - confidence for _, confidence in both)
@@ -342,7 +353,7 @@ class Panel:
     def _mean_draws(self) -> Draws | None:
         """Draws of the mean scale, or None if a member has no draws.
 
-        Each member's draws are resampled to equal weight and shuffled.
+        Each member's draws are resampled to equal weight and shuffled before they are averaged.
         """
         own = [draws_in(member) for member in self._each]
         if any(draws is None for draws in own):
@@ -360,7 +371,7 @@ class Panel:
 
 
 class _Combination:
-    """An optional part of a panel: ``made`` makes it from the members' part ``of``."""
+    """An optional part of a panel: ``made`` makes it, if all members have the part ``of``."""
 
     def __init__(self, of: str, made: Callable[[Panel], Any]) -> None:
         self.of, self.made = of, made
@@ -395,7 +406,7 @@ def _again(
     answers: Answers,
     aim: Literal["mean", "worst"],
 ) -> Panel:
-    """Return a panel of these members, who gave these answers."""
+    """Return a panel of these members, who have already learned these answers."""
     panel = object.__new__(Panel)
     panel.aim = aim
     panel.k = answers.k
@@ -424,7 +435,10 @@ def _weights(
 
 
 def _contradiction_of(name: str, error: InconsistentAnswers, told: Answers) -> InconsistentAnswers:
-    """Return a member's contradiction as the panel's; it is computed when first read."""
+    """Return a member's InconsistentAnswers as the panel's, with the panel's row numbers.
+
+    Its message is computed only when it is read.
+    """
 
     def parts() -> tuple[str, tuple[tuple[int, str], ...], bool]:
         rows = [row for row, who in enumerate(told.who) if who == name]
@@ -437,7 +451,7 @@ def _contradiction_of(name: str, error: InconsistentAnswers, told: Answers) -> I
 def _less(d: Floats, low: float, high: float) -> Floats:
     """Return d (k,) less c times the step from the worst level to the best.
 
-    c is near the middle of the interval low to high of d.e.
+    The number c is near the middle of the interval ``low`` to ``high`` of d.e.
     """
     _, exponent = np.frexp((high - low) / _STEPS)
     unit = float(np.ldexp(1.0, int(exponent)))
@@ -449,7 +463,10 @@ def _less(d: Floats, low: float, high: float) -> Floats:
 
 
 def _about(d: Floats, tails: Floats) -> NDArray[np.bool_]:
-    """Return flags (n,) of the differences of tail sums (n, p) that are d (k,) in some form."""
+    """Return flags (n,) of those earlier questions that were about d (k,) or a shifted d.
+
+    The questions are given by the tail sums (n, p) of their differences. See ``_put_to``.
+    """
     t = tail_sums(d[None])[0]
     flat = t - t.mean()
     others = tails - tails.mean(axis=1, keepdims=True)
@@ -459,7 +476,7 @@ def _about(d: Floats, tails: Floats) -> NDArray[np.bool_]:
 
 
 def _equally_likely(weights: Floats, m: int) -> NDArray[np.int64]:
-    """Return the numbers (m,) of m draws, each as often as its weight (n,) says."""
+    """Return the indices (m,) of m draws, each repeated in proportion to its weight (n,)."""
     total = np.round(np.cumsum(weights) * _GRID) / _GRID
     at = (np.arange(m) + 0.5) / m
     return np.minimum(total.searchsorted(at), len(weights) - 1)

@@ -1,4 +1,4 @@
-"""The two orders of a scale with one open step, and vectors and scales in each of them."""
+"""The two possible orders of levels if one step is open; vectors and scales in each of them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Order = tuple[int, ...]  # level numbers, from the worst to the best
 
 
 def open_step(k: int, unordered: Sequence[int]) -> tuple[int, int]:
-    """Return the two neighbouring levels, the lower first, whose order is open.
+    """Return the two neighbouring levels whose order is open, the lower number first.
 
     Raise ValueError for anything else.
     """
@@ -31,24 +31,24 @@ def open_step(k: int, unordered: Sequence[int]) -> tuple[int, int]:
 
 
 def orders_of(k: int, unordered: tuple[int, int]) -> tuple[Order, Order]:
-    """Return the given order of k levels, and the one in which the two are exchanged."""
+    """Return two orders of k levels: the given one, and the one with the two levels exchanged."""
     low, high = unordered
     given = tuple(range(k))
     return given, (*given[:low], high, low, *given[high + 1 :])
 
 
 def filled_up(d: Floats) -> Floats:
-    """Return differences (n, k) whose totals are 0: a missing total counts as time at level 1."""
+    """Return differences (n, k) of total 0: what is missing of the total is added at level 1."""
     rows = d.copy()
     rows[:, 0] = -tail_sums(d)[:, 0]
     return rows
 
 
 def together(parts: Sequence[tuple[Order, Draws]], shares: Floats) -> Draws:
-    """Return draws of scales of several orders as draws in the given order.
+    """Return weighted draws from several orders as draws in the given order.
 
-    ``shares``, one for each part and 1 in total, are the weights of the orders. The gap between the
-    two levels is negative in one order.
+    ``shares``, of total 1, are the weights of the orders. In an order with the two levels
+    exchanged, the gap between them is negative.
     """
     gaps, weights, precisions = [], [], []
     for share, (order, own) in zip(shares.tolist(), parts, strict=True):
@@ -63,8 +63,8 @@ def together(parts: Sequence[tuple[Order, Draws]], shares: Floats) -> Draws:
 def mean_scale(parts: Sequence[tuple[Order, Floats]], shares: Floats) -> Floats:
     """Return the mean (k,) of scales of several orders, least 0 and greatest 1; read-only.
 
-    ``shares`` weigh the orders. If all levels are worth the same in that mean, as two levels of
-    unknown order are, it is the first part's scale.
+    ``shares`` are the weights of the orders. If all levels are worth the same in that mean, which
+    happens with two levels, it is the scale of the first order.
     """
     mean = np.zeros(len(parts[0][0]))
     for share, (order, values) in zip(shares.tolist(), parts, strict=True):

@@ -1,4 +1,4 @@
 """Decisions on differences, the same for Python and for compiled loops.
 
-They import from ``lp``, ``model`` and ``_support``.
+This folder imports from ``lp``, ``model`` and ``_support``.
 """

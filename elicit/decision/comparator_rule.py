@@ -1,8 +1,8 @@
-"""A comparator's knowledge as plain arrays: the rule by which ``decision.rule_kernel`` decides.
+"""A comparator's knowledge as plain arrays, its *rule*, by which compiled loops decide.
 
-A loop that compares millions of pairs cannot call Python for each comparison. It takes a
-comparator's ``rule`` anew after every update. All rules have one type, so that the code that
-decides is compiled once for all comparators.
+A loop that compares millions of pairs cannot call Python for each comparison. It takes the
+comparator's ``rule`` again after every update, and decides by ``decision.rule_kernel``. All rules
+have one type, so that the deciding code is compiled once for all comparators.
 """
 
 from functools import cache
@@ -20,7 +20,7 @@ PROOFS = (PROVEN, OUTER)  # the kinds whose arrays compiled code writes to
 
 
 class Rule(NamedTuple):
-    """A comparator's knowledge: a kind, and the arrays that this kind needs, others empty."""
+    """A comparator's knowledge: a kind, and the arrays that this kind needs. Others are empty."""
 
     kind: int
     dominance: bool  # whether eq. (4) decides before anything else
@@ -32,7 +32,7 @@ class Rule(NamedTuple):
 
 
 class Ruled(Protocol):
-    """A comparator that decides by a rule."""
+    """A comparator that has a rule for compiled loops."""
 
     @property
     def rule(self) -> Rule:
@@ -49,76 +49,76 @@ class DecidesRest(Protocol):
 
 @runtime_checkable
 class LearnsInLoops(Protocol):
-    """A comparator whose rule a compiled loop may change by answers, up to the rule's ``room``."""
+    """A comparator that lets a compiled loop add answers to its rule, up to the rule's ``room``."""
 
     def learned_in_loop(self, answers: Answers, rule: Rule) -> Comparator:
-        """Return the comparator after strict answers that a loop has entered in its rule."""
+        """Return the comparator after strict answers that a loop has already added to its rule."""
 
 
 @cache
 def nothing() -> Rule:
-    """Return a rule without arrays: beyond dominance, only the comparator itself can decide."""
+    """Return a rule that decides by dominance alone. The comparator itself decides the rest."""
     known = nothing_known(0.0, np.empty((0, 0)), np.empty(0), vertices=0)
     return Rule(NO_ARRAYS, True, known, np.empty((0, 0)), np.empty(0), 0.0, 0)
 
 
 def unaided() -> Rule:
-    """Return a rule that decides nothing, not even dominance: only the comparator itself can."""
+    """Return a rule that decides nothing, not even by dominance. The comparator itself decides."""
     return nothing()._replace(dominance=False)
 
 
 def asking() -> Rule:
-    """Return the rule of a comparator that knows nothing: all is UNKNOWN but what is EQUAL."""
+    """Return the rule of a comparator that knows nothing: UNKNOWN for all but equal vectors."""
     return nothing()._replace(kind=ALWAYS_ASK, dominance=False)
 
 
 def silent() -> Rule:
-    """Return the rule that knows the order of the levels only: all else is UNKNOWN."""
+    """Return the rule of a comparator that decides by dominance alone, else UNKNOWN."""
     return nothing()._replace(kind=ORDER_ONLY)
 
 
 def proven(known: Known, room: int) -> Rule:
-    """Return the rule that decides by proofs about K_t, with room for so many answers."""
+    """Return a rule that decides by proofs about K_t; a loop may add ``room`` answers to it."""
     return nothing()._replace(kind=PROVEN, known=known, room=room)
 
 
 def outer(known: Known, inside: Floats) -> Rule:
-    """Return the rule that decides by proofs about a set that contains all plausible scales.
+    """Return a rule that decides by proofs about a set that contains all plausible scales.
 
-    ``inside`` (p, m) are plausible scales, which show that both signs occur. Only the comparator
-    itself can decide the differences that these leave open.
+    ``inside`` (p, m) are some plausible scales. A difference is UNKNOWN if they disagree about its
+    sign. The comparator itself decides the rest.
     """
     return nothing()._replace(kind=OUTER, known=known, scales=np.ascontiguousarray(inside))
 
 
 def weighted(gaps: Floats, weights: Floats, level: float) -> Rule:
-    """Return the rule that decides by the weight of the scales that share a sign.
+    """Return a rule that decides by the weight of scales.
 
-    The verdict is BETTER if scales of gaps (p, m) that carry the weight ``level`` say so. The
-    weights (m,) total 1.
+    The verdict is BETTER if scales with total weight ``level`` say so. Their gaps are ``gaps`` (p,
+    m), and ``weights`` (m,) total 1.
     """
     return nothing()._replace(kind=WEIGHTED, scales=gaps, weights=weights, level=level)
 
 
 def ensemble(gaps: Floats, left_out: int) -> Rule:
-    """Return the rule that decides by the number of the scales that share a sign.
+    """Return a rule that decides by the number of scales, given by ``gaps`` (p, m).
 
-    The verdict is BETTER if the last of the scales of gaps (p, m) says so, and all but ``left_out``
-    of the others.
+    The verdict is BETTER if the last scale, a point estimate, says so, and all others but
+    ``left_out``.
     """
     return nothing()._replace(kind=ENSEMBLE, scales=gaps, level=float(left_out))
 
 
 def box(low: Floats, high: Floats) -> Rule:
-    """Return the rule that decides by a box of values, low (p,) to high (p,) for levels 2..k.
+    """Return a rule that decides by a box of scales, low (p,) to high (p,) for levels 2..k.
 
-    The verdict is BETTER if the whole box says so.
+    The verdict is BETTER if all scales in the box say so.
     """
     return nothing()._replace(kind=BOX, scales=np.ascontiguousarray(np.stack([low, high], axis=1)))
 
 
 def rule_of(comparator: Comparator) -> Rule:
-    """Return the comparator's rule, or ``nothing()`` if it does not compare by one."""
+    """Return the comparator's rule, or ``nothing()`` if it has none that ``compare`` follows."""
     return cast(Ruled, comparator).rule if compares_by_rule(type(comparator)) else nothing()
 
 
@@ -126,7 +126,7 @@ def rule_of(comparator: Comparator) -> Rule:
 def compares_by_rule(kind: type) -> bool:
     """Return whether a class of comparators has a ``rule`` that its ``compare`` follows.
 
-    It does not if a class derived from the one with the rule has a ``compare`` of its own.
+    A derived class with a ``compare`` of its own does not follow the rule of its base class.
     """
     places = [*enumerate(kind.__mro__)][::-1]
     first = {
@@ -136,9 +136,9 @@ def compares_by_rule(kind: type) -> bool:
 
 
 def outlasts_answers(rule: Rule) -> bool:
-    """Return whether earlier verdicts of a rule still hold with this later one.
+    """Return whether earlier verdicts still hold after answers that led to this rule.
 
-    Verdicts that are proven of K_t do, as long as K_t has points inside. In a flat K_t a preference
-    can become a tie.
+    Verdicts proven over K_t do, as long as K_t has points strictly inside. Without any, a
+    preference can become a tie.
     """
     return rule.kind == PROVEN and not np.isnan(rule.known.inside[0])

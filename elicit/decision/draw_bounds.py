@@ -1,4 +1,4 @@
-"""Bounds on d.e from weighted draws of a posterior."""
+"""Bounds on d.e from weighted draws of a posterior over scales."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from elicit.model.scale import Floats
 
 
 def quantiles(scores: Floats, weights: Floats, level: float) -> tuple[float, float]:
-    """Return the (1 - level) and the level quantile of scores (m,) with weights (m,) of total 1.
+    """Return two quantiles of scores (m,) with weights (m,) of total 1: 1 - level and level.
 
-    The lower one is above 0 if the verdict is BETTER.
+    The verdict is BETTER if the first is above 0.
     """
     order = np.argsort(scores, kind="stable")
     below, last = np.cumsum(weights[order]), len(order) - 1
@@ -21,9 +21,9 @@ def quantiles(scores: Floats, weights: Floats, level: float) -> tuple[float, flo
 
 
 def upper_together(scores: Floats, weights: Floats, level: float) -> Floats:
-    """Return upper bounds (n,) on scores (n, m) that hold together under a weight of ``level``.
+    """Return upper bounds (n,) on scores (n, m), all of which hold under a weight of ``level``.
 
-    The draws with the greatest score of any row are left out, up to the weight 1 - ``level``.
+    Draws are left out up to the weight 1 - ``level``: those with the greatest score in any row.
     """
     order = np.argsort(scores.max(axis=0), kind="stable")
     enough = int(np.searchsorted(np.cumsum(weights[order]), level - LEVEL_ROUNDING))

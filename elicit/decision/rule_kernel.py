@@ -1,9 +1,9 @@
-"""Verdicts of a comparator's rule on differences, in compiled code.
+"""Verdicts on differences by a comparator's rule, in compiled code.
 
-``all_by_rule`` is for whole arrays: it serves ``compare`` and an elicitation.
-``by_rule`` is for one difference: it serves the loops that compare millions of pairs. A rule leaves
-a difference LEFT_OPEN if an optimum is 0, or nearly, or if the comparator has no rule. Then the
-comparator itself decides it (``decision.verdicts``).
+``all_by_rule`` works on whole arrays, for ``compare`` and for elicitations. ``by_rule`` works on a
+single difference, for loops that compare millions of pairs. A difference is LEFT_OPEN if the rule
+cannot decide it: for example if d.e is exactly 0 at its optimum, or nearly, or if the comparator
+has no rule. The comparator itself then decides it (``decision.verdicts``).
 """
 
 import math
@@ -42,9 +42,9 @@ BLOCK = 256  # differences whose tail sums are held at once
 
 @compiled
 def all_by_rule(d: Any, rule: Rule, verdicts: Any, tiers: Any) -> int:
-    """Write a rule's verdicts (n,) and tiers (n,) of differences d (n, k) into the last arguments.
+    """Write a rule's verdicts (n,) and tiers (n,) of differences d (n, k) into arrays.
 
-    Dominance is included. Return the number of those left LEFT_OPEN.
+    Dominance is included. Return the number of differences LEFT_OPEN.
     """
     n, k = d.shape
     t, row, nothing, left = np.empty((BLOCK, k - 1)), np.empty(k), np.empty(0), 0
@@ -71,14 +71,14 @@ def all_by_rule(d: Any, rule: Rule, verdicts: Any, tiers: Any) -> int:
 
 @compiled
 def by_rule(d: Any, t: Any, shift: float, certificate: Any, rule: Rule) -> tuple[int, int, bool]:
-    """Return a rule's verdict and tier of one difference, and whether there is a certificate.
+    """Return a rule's verdict on the sign of d.e + shift, its tier, and if there is a certificate.
 
-    The difference d (k,) has the tail sums t (p,), which are overwritten. Dominance must have been
-    tested before. The verdict may be LEFT_OPEN. It is on the sign of d.e + shift.
+    The difference d (k,) has the tail sums t (p,), which are overwritten. The caller has tested
+    dominance. The verdict may be LEFT_OPEN.
 
-    ``certificate`` is (p,) to write in, or (0,) if none is wanted. Tail sums that lie above it
-    (``certifies``) have the same verdict, as long as no answer is added. If the rule is PROVEN,
-    they keep it for ever.
+    A certificate is a vector (p,): all tail sums that lie above it, entry by entry, have the same
+    verdict (see ``certifies``). It holds until an answer is added, and for ever if the rule is
+    PROVEN. It is written into ``certificate`` (p,). Give an array (0,) if you want none.
     """
     kind = rule.kind
     if kind in (PROVEN, OUTER):
@@ -121,7 +121,7 @@ def by_rule(d: Any, t: Any, shift: float, certificate: Any, rule: Rule) -> tuple
 def within(d: Any, t: Any, indifference: float, rule: Any) -> int:
     """Return EQUAL if |d.e| is proven not to exceed the indifference, else UNKNOWN.
 
-    The result is LEFT_OPEN if ``by_rule`` leaves it so. The contents of t are lost.
+    The result is LEFT_OPEN if ``by_rule`` cannot decide. t is overwritten.
     """
     copy, nothing = t.copy(), np.empty(0)
     for side in (1, -1):
@@ -141,9 +141,10 @@ def within(d: Any, t: Any, indifference: float, rule: Any) -> int:
 
 @compiled
 def certifies(certificates: Any, row: int, side: int, t: Any) -> bool:
-    """Return whether t (p,), with the sign of ``side``, lies above a row of certificates (n, p).
+    """Return whether a certificate shows the verdict of t (p,): t lies above it, entry by entry.
 
-    The row is that of an earlier verdict of that sign. If t lies above it, t has the same verdict.
+    The certificate is a row of ``certificates`` (n, p), of an earlier verdict with the sign
+    ``side``. For -1, it is -t that must lie above.
     """
     sign, above = (1.0 if side > 0 else -1.0), True
     for j in range(len(t)):
@@ -153,9 +154,9 @@ def certifies(certificates: Any, row: int, side: int, t: Any) -> bool:
 
 @compiled
 def both_signs(t: Any, gaps: Any) -> bool:
-    """Return whether t.g is certainly positive at one point and negative at another.
+    """Return whether t.g is certainly positive for one of several scales and negative for another.
 
-    The points are gaps (p, m).
+    The scales have gaps (p, m).
     """
     m = gaps.shape[1]
     above, below = signs_at_points(t, NEAR * largest(t), 0, gaps, np.zeros(m, np.int8), np.empty(m))
@@ -166,9 +167,9 @@ def both_signs(t: Any, gaps: Any) -> bool:
 def by_votes(
     t: Any, shift: float, certificate: Any, gaps: Any, weights: Any, level: float
 ) -> tuple[int, int, bool]:
-    """Return the verdict and tier by the weight of either sign, and whether there is a certificate.
+    """Return a verdict by the weight of the scales on either side, its tier, and if certified.
 
-    The scales have gaps (p, m) and weights (m,).
+    The scales have gaps (p, m) and weights (m,). For certificates see ``by_rule``.
     """
     at = np.empty(len(weights))
     verdict = by_weight(t, shift, gaps, weights, level, at)

@@ -1,4 +1,4 @@
-"""Verdicts of any comparator, and the tier that decided each.
+"""Verdicts of any comparator, with the tier (kind of proof) that decided each.
 
 A comparator's rule decides first. The comparator itself decides what its rule leaves open.
 """
@@ -22,8 +22,8 @@ from elicit.model.scale import Floats
 def decide(comparator: Comparator, d: ArrayLike) -> Decisions:
     """Return a comparator's verdicts on differences d (n, k), and the tier (n,) of each.
 
-    The verdicts are those of ``comparator.compare(d)``. If a comparator has no rule, differences
-    that are neither equal nor dominated count as MODEL.
+    The verdicts are those of ``comparator.compare(d)``. If a comparator has no rule, the tier of
+    all but equal and dominated pairs is MODEL.
     """
     rows = as_differences(d, comparator.k)
     if compares_by_rule(type(comparator)):
@@ -36,9 +36,9 @@ def decide(comparator: Comparator, d: ArrayLike) -> Decisions:
 
 
 def _checked(verdicts: object, comparator: Comparator, n: int) -> Verdicts:
-    """Return the result of a comparator's ``compare`` for n differences.
+    """Return the result of a comparator's ``compare`` for n differences, after a check.
 
-    Raise TypeError unless it is codes (n,) int8.
+    Raise TypeError unless it is an int8 array (n,) of verdict codes.
     """
     codes = np.asarray(verdicts)
     if (
@@ -62,8 +62,8 @@ def decide_by_rule(
 ) -> Decisions:
     """Return a rule's verdicts (n,) and tiers (n,) of valid differences d (n, k).
 
-    ``decide_rest`` decides the differences that the rule leaves open. If there are any and there is
-    no ``decide_rest``, TypeError is raised.
+    ``decide_rest`` decides the differences that the rule leaves open. If it is needed and missing,
+    TypeError is raised.
     """
     rows = np.require(d, requirements=["C", "W"])  # compiled code is made for one layout
     verdicts, tiers = np.empty(len(rows), dtype=np.int8), np.empty(len(rows), dtype=np.int8)

@@ -1,8 +1,8 @@
-"""Votes of scales on a difference: the sign of d.e that enough of them share.
+"""Votes of scales on a difference: the sign of d.e that enough scales share.
 
-They are counted by weight, by number, or over a box. A scale is its gaps g, and votes by the sign
-of t.g. Weights are counted a block of scales at a time. The count stops once neither sign can reach
-the level.
+A scale is given by its gaps g, and votes by the sign of t.g. Votes are counted by weight, by
+number, or for all scales in a box. Weights are counted a block of scales at a time, and the count
+stops once neither sign can reach the level.
 """
 
 from typing import Any
@@ -18,11 +18,11 @@ BLOCK = 64  # scales whose votes are counted between two tests of whether the le
 
 @compiled
 def by_weight(t: Any, shift: float, gaps: Any, weights: Any, level: float, at: Any) -> int:
-    """Return BETTER if scales of at least the weight ``level`` have t.g + shift > 0.
+    """Return BETTER if scales of total weight ``level`` have t.g + shift > 0, WORSE if < 0.
 
-    Return WORSE if as many have it < 0, else UNKNOWN. Column j of ``gaps`` (p, m) is the scale g
-    whose weight is ``weights[j]``. The scores t.g + shift are written into ``at`` (m,): all of
-    them, unless the verdict is UNKNOWN.
+    Otherwise return UNKNOWN. Column j of ``gaps`` (p, m) is the scale with the weight
+    ``weights[j]``. The scores t.g + shift are written into ``at`` (m,); some may be missing if the
+    verdict is UNKNOWN.
     """
     m, up, down, left = len(at), 0.0, 0.0, 1.0
     for start in range(0, m, BLOCK):
@@ -43,7 +43,10 @@ def by_weight(t: Any, shift: float, gaps: Any, weights: Any, level: float, at: A
 
 @compiled
 def scores_into(t: Any, shift: float, gaps: Any, start: int, out: Any) -> None:
-    """Write t.g + shift into out (n,), for the n scales of gaps (p, m) from ``start`` on."""
+    """Write the scores t.g + shift of n scales into ``out`` (n,).
+
+    The scales are the columns of ``gaps`` (p, m) from ``start`` on.
+    """
     p, n, stop = len(t), len(out), start + len(out)
     first = gaps[0, start:stop]
     for q in range(n):
@@ -65,9 +68,10 @@ def scores_into(t: Any, shift: float, gaps: Any, start: int, out: Any) -> None:
 
 @loosely
 def signed_weights(at: Any, weights: Any) -> tuple[float, float, float]:
-    """Return the weight of positive scores, that of negative ones, and the total weight.
+    """Return the total weights of positive scores, of negative scores, and of all scores.
 
-    Scores and weights are (n,). The order of a sum matters less than ``LEVEL_ROUNDING``.
+    Scores ``at`` and weights are (n,). Sums may be reordered: the error is below
+    ``LEVEL_ROUNDING``.
     """
     up, down, both = 0.0, 0.0, 0.0
     for q in range(len(at)):
@@ -80,9 +84,10 @@ def signed_weights(at: Any, weights: Any) -> tuple[float, float, float]:
 
 @loosely
 def spare_score(at: Any, side: int, weights: Any, level: float) -> float:
-    """Return a distance by which all scores may drop; 0 if there is none.
+    """Return how far all scores may move towards 0 with the verdict unchanged; 0 if not at all.
 
-    After the drop, the scores at (m,) of sign ``side`` still carry the weight ``level``.
+    After the move, scores at (m,) of sign ``side`` still have the weight ``level``. The number is
+    one of a few that are tried.
     """
     mean = 0.0
     for q in range(len(at)):
@@ -98,9 +103,10 @@ def spare_score(at: Any, side: int, weights: Any, level: float) -> float:
 
 @compiled
 def by_count(t: Any, shift: float, gaps: Any, left_out: int) -> int:
-    """Return the verdict on t.g + shift that the last of the scales of gaps (p, m) gives.
+    """Return the verdict on t.g + shift of the last scale, if enough other scales share it.
 
-    It is UNKNOWN unless all but ``left_out`` of the others share it.
+    The scales are columns of ``gaps`` (p, m), and all but ``left_out`` must share the verdict.
+    Otherwise it is UNKNOWN.
     """
     last, against = gaps.shape[1] - 1, 0
     at = np.empty(last + 1)
@@ -118,9 +124,9 @@ def by_count(t: Any, shift: float, gaps: Any, left_out: int) -> int:
 
 @compiled
 def by_box(d: Any, shift: float, ends: Any) -> int:
-    """Return the verdict on d.e + shift that all scales in a box share.
+    """Return the verdict on d.e + shift that all scales in a box share, else UNKNOWN.
 
-    The box bounds levels 2..k by ``ends`` (p, 2).
+    ``ends`` (p, 2) bounds levels 2..k.
     """
     least, greatest = 0.0, 0.0
     for j in range(len(ends)):

@@ -1,4 +1,4 @@
 """Reports on tutors and comparators, made from answers.
 
-Imports from ``asking``, ``tutors``, ``comparators`` and below.
+This folder imports from ``asking``, ``tutors``, ``comparators`` and below.
 """

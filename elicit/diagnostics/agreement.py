@@ -1,7 +1,7 @@
-"""Agreement of several people: their scales side by side, the questions that divide them, groups.
+"""Agreement of several people: their scales, the questions that divide them, and groups.
 
-People who differ should talk before one policy is made for all of them. The questions that divide
-them most are what to talk about.
+People who differ should talk before a policy is made for all of them. The questions that divide
+them most are a place to start.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ _COARSE = 6  # digits to which scores are compared
 FromPeople: TypeAlias = (
     Panel | Answers | Sequence[AnswerLog] | Mapping[str, AnswerLog] | Mapping[str, Answers]
 )
-"""A panel, answers that say who gave them, or logs: each of one person, or by name."""
+"""A panel, answers that say who gave them, or logs: a log for each person, perhaps by name."""
 
 
 @dataclass(frozen=True, eq=False)
 class DividingQuestion:
-    """A level for sure against a mixture of a better and a worse one, and who prefers what.
+    """A question on which people differ: a level for sure, or a mixture of a better and a worse.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class DividingQuestion:
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """Agreement of several people. ``print`` says it in words.
+    """A report on how far several people agree. ``print`` shows it in words.
 
     Attributes
     ----------
@@ -76,13 +76,14 @@ class Agreement:
     values, low, high : (n, k)
         Best guess and interval of each level's value, from 0 to 1, by each person's comparator.
     questions : tuple of DividingQuestion
-        Those that divide the people most, first the one that does so the most.
+        The questions that divide the people most, the most dividing first.
     known_to_differ : (n, n)
-        Share of all questions looked at in which two people are known to prefer different sides.
+        For each two people, the share of all questions considered in which they are known to prefer
+        different sides.
     groups : tuple of tuple of str
         People who think alike, the largest group first.
     apart : float
-        The mean of ``known_to_differ`` from which on two groups are kept apart.
+        Two groups stay separate if the mean of ``known_to_differ`` between them is at least this.
     """
 
     people: tuple[str, ...]
@@ -140,24 +141,24 @@ def agreement(
     apart: float = 0.1,
     make: Callable[[int], Comparator] | None = None,
 ) -> Agreement:
-    """Return how far several people agree on what the levels are worth.
+    """Return how far several people agree on the values of the levels.
 
     Parameters
     ----------
     people : Panel, Answers, or logs
-        Answers must say who gave them. A sequence of logs has one log for each person, who is named
-        by the log (``AnswerLog(..., who=)``); a mapping gives the names itself.
+        Answers must say who gave them. Logs come in a sequence, a log for each person, named by
+        ``AnswerLog(..., who=)``, or in a mapping from names.
     labels : sequence of k str, optional
         Names of the levels, worst first.
     most : int
-        Number of dividing questions, at most.
+        Largest number of dividing questions.
     apart : float
         Two groups of people are joined unless their members are known to differ in this share of
-        the questions, in 0..1, in the mean over pairs (average linkage). Known is what has a
-        probability of at least 90%.
+        the questions, in 0..1, on average over pairs of members (average linkage). Two people are
+        known to differ in a question if that has a probability of at least 90%.
     make : function of k, optional
-        Makes the comparator that learns a person's answers. Default: a ``PosteriorComparator``.
-        A panel has its own.
+        Makes the comparator that learns a person's answers. Default: a ``PosteriorComparator``. A
+        panel has its own.
 
     Returns
     -------
@@ -166,15 +167,15 @@ def agreement(
     Raises
     ------
     TypeError
-        For something that is none of these.
+        If ``people`` is none of these.
     ValueError
         If answers or logs do not say whose they are, there are none, or a setting is out of range.
 
     Notes
     -----
-    The questions are a level for sure against mixtures of a better and a worse one, a quarter, half
-    or three quarters of the better. A person's preferences come from the draws of their comparator,
-    and from its best guess if it has none.
+    The questions compare a level for sure with mixtures of a better and a worse one. The better one
+    has a share of a quarter, half or three quarters. A person's preferences come from the draws of
+    their comparator, or from its best guess if it has no draws.
     """
     require(is_whole(most, 0), "most, the number of questions,", "a whole number from 0 on", most)
     require(is_number(apart, 0, 1), "apart, a share of the questions,", "in 0..1", apart)
@@ -235,7 +236,7 @@ def _panel_of(people: FromPeople, make: Callable[[int], Comparator] | None) -> P
 
 
 def _of_one(name: str, log: AnswerLog | Answers) -> Answers:
-    """Return the answers of a person. Raises TypeError and ValueError."""
+    """Return one person's answers. Raises TypeError and ValueError."""
     if not isinstance(log, AnswerLog | Answers):
         raise TypeError(f"agreement takes an AnswerLog or Answers of {name!r}, not {log!r}")
     answers = log if isinstance(log, Answers) else log.answers()
@@ -249,10 +250,7 @@ def _of_one(name: str, log: AnswerLog | Answers) -> Answers:
 
 
 def _mixtures(k: int) -> tuple[Floats, Floats]:
-    """Return the two sides (n, k) of pairs: a level for certain, and a mixture.
-
-    Each mixture has a share of a better level, and the rest of a worse one.
-    """
+    """Return pairs (n, k) each: a level for sure, and a mixture of a better and a worse level."""
     triples = [
         (low, middle, high, share)
         for low, middle, high in combinations(range(k), 3)
@@ -266,7 +264,7 @@ def _mixtures(k: int) -> tuple[Floats, Floats]:
 
 
 def _prefers(member: Comparator, d: Floats) -> Floats:
-    """Return the probability (n,) that d.e is above 0, by a member's draws or best guess."""
+    """Return the probability (n,) that d.e > 0 for one person, by draws or else the best guess."""
     draws = draws_in(member)
     tails = tail_sums(d)
     if draws is None:
@@ -278,7 +276,7 @@ def _prefers(member: Comparator, d: Floats) -> Floats:
 
 
 def _known_to_differ(chance: Floats) -> Floats:
-    """Return the share (m, m) of questions in which two people are known to differ.
+    """Return for each two of m people the share of questions in which they are known to differ.
 
     ``chance`` (m, n) are their probabilities of preferring left.
     """
@@ -296,9 +294,9 @@ def _dividing(
     chance: Floats,
     most: int,
 ) -> tuple[DividingQuestion, ...]:
-    """Return the questions in which two people drawn at random differ with most probability.
+    """Return the questions on which two people drawn at random differ with most probability.
 
-    Of one level only one question is taken, so that they are about different things.
+    Each is about another level for sure, so that the questions are not nearly the same.
     """
     n = len(people)
     if n < 2:
@@ -329,7 +327,7 @@ def _dividing(
 def _groups(
     people: Sequence[str], differ: NDArray[np.float64], apart: float
 ) -> tuple[tuple[str, ...], ...]:
-    """Return groups by average linkage, cut where they differ by ``apart``."""
+    """Return groups of people by average linkage: groups that differ by ``apart`` stay separate."""
     if len(people) == 1:
         return (tuple(people),)
     from scipy.cluster.hierarchy import fcluster, linkage

@@ -1,4 +1,4 @@
-"""Predictions of held-out answers, which compare comparators on a log without a learner."""
+"""Comparison of comparators on a log: how well each predicts answers that it has not learned."""
 
 import math
 from collections.abc import Mapping
@@ -30,13 +30,11 @@ _RESAMPLES = 1000
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Scores of a comparator's predictions of answers that it has not learned from.
-
-    ``held_out`` makes them.
+    """Scores of a comparator's predictions of held-out answers, as ``held_out`` returns them.
 
     Intervals have the level given. They are Wilson's (1927) for shares, and percentiles of a
-    bootstrap over the answers for the log-likelihood. Both take the answers as independent. Neither
-    allows for the fact that another training set would have given another comparator.
+    bootstrap over the answers for the log-likelihood. Both take the answers as independent, and the
+    training set as fixed.
 
     Attributes
     ----------
@@ -50,13 +48,14 @@ class HeldOut:
         Shares of the decided answers that agree with the comparator, and that say the opposite. The
         comparator calls the rest EQUAL.
     by_values
-        Share of the scored answers whose sign at ``.values`` agrees. A value of 0 counts as half.
+        Share of the scored answers that agree with the sign of d.e at ``.values``. A d.e of 0
+        counts as half.
     log_likelihood
         Mean log-probability of the answers; nan without ``.probability``.
     contradicted
         Number of folds whose training answers the comparator found contradictory.
     dropped
-        Number of training answers that the comparator then went without, over all folds.
+        Number of training answers that were then left out, over all folds.
     """
 
     scored: int
@@ -76,7 +75,7 @@ class HeldOut:
 
 
 class HeldOutTable(dict[str, HeldOut]):
-    """A dict from names to ``HeldOut``; ``str()`` is an aligned table."""
+    """A dict from names to ``HeldOut`` that prints as an aligned table."""
 
     def __str__(self) -> str:
         table = [
@@ -117,21 +116,21 @@ def held_out(
     level: float = 0.95,
     seed: Seed | None = 0,
 ) -> HeldOut:
-    """Return the scores of a comparator on answers of a log that it has not learned from.
+    """Return how well a comparator predicts answers of a log that it has not learned.
 
     No learner and no hidden scale are needed.
 
     Parameters
     ----------
     comparator : Comparator
-        Fresh, as in ``PosteriorComparator(k)``. If it knows something already, it knows that in
-        every fold.
+        Usually without answers, as ``PosteriorComparator(k)``. Whatever it knows already, it knows
+        in every fold.
     answers : AnswerLog, entries, Answers
         As for ``tutor_report``, including those marked unused.
     folds : int or "sequential"
-        The pairs are dealt into so many folds by ``seed``, all answers to one pair into the same.
-        Each fold is predicted from the others, in told order. ``"sequential"``: each answer is
-        predicted from those before it, repeated pairs included.
+        Number of folds. All answers to a pair go into the same fold, at random by ``seed``. Each
+        fold is predicted from the others, in told order. ``"sequential"``: each answer is predicted
+        from those before it, including repeated pairs.
     level : float
         Level of the intervals, in (0, 1).
     seed : int, SeedSequence, Generator or None
@@ -149,14 +148,14 @@ def held_out(
     Notes
     -----
     Answers are not the truth. If a tutor errs in a tenth of all answers, no comparator agrees with
-    more than nine tenths, except by luck. A log that a learner asked for holds questions that its
-    comparator could not decide. They are harder than fresh pairs.
+    more than nine tenths, except by luck. A learner's log holds questions that its comparator could
+    not decide, so they are harder than fresh pairs.
 
-    Contradictory training answers are learned as ``learn`` does, one by one, and those dropped are
-    counted.
+    Contradictory training answers are learned one by one, and those that contradict earlier ones
+    are dropped and counted (see ``learn``).
 
-    For a ``PosteriorComparator`` the probability of an answer is that of its model, lapse included.
-    For others it is the prediction of a comparator that ``PredictsAnswers``.
+    A ``PosteriorComparator`` predicts an answer by its model, lapse included. Other comparators
+    predict by their ``probability``, if they have it (``PredictsAnswers``).
     """
     check_level(level)
     return _score(
@@ -215,7 +214,7 @@ def compare_held_out(
     level: float = 0.95,
     seed: Seed | None = 0,
 ) -> HeldOutTable:
-    """Return ``held_out`` of each comparator, by name, over the same folds.
+    """Return ``held_out`` of several comparators, by name, over the same folds.
 
     Parameters
     ----------
@@ -265,10 +264,10 @@ def wilson(count: float, n: int, level: float = 0.95) -> Estimate:
 
 @one_thread
 def _foretell(comparator: Comparator, d: Floats) -> Floats:
-    """Return a comparator's predictions on d (n, k), as rows (3, n).
+    """Return a comparator's predictions of answers about d (n, k), as rows (3, n).
 
-    They are the verdicts, d.e at ``.values``, and the probability of the answer "left is better",
-    nan without one.
+    The rows are the verdicts, d.e at ``.values``, and the probability of "left is better", nan if
+    the comparator gives none.
     """
     t, chance = tail_sums(d), np.full(len(d), math.nan)
     if isinstance(comparator, PosteriorComparator):
@@ -281,7 +280,7 @@ def _foretell(comparator: Comparator, d: Floats) -> Floats:
 
 
 def _deal(pairs: NDArray[np.intp], folds: int, key: int) -> NDArray[np.intp]:
-    """Return the fold (n,) of each row; pairs are dealt, not rows."""
+    """Return the fold (n,) of each answer; all answers to a pair are in the same fold."""
     n = int(pairs.max(initial=-1)) + 1
     wanted = f'"sequential" or a number from 2 to that of different pairs, {n}'
     require(isinstance(folds, (int, np.integer)) and 2 <= folds <= n, "folds", wanted, folds)
@@ -290,7 +289,7 @@ def _deal(pairs: NDArray[np.intp], folds: int, key: int) -> NDArray[np.intp]:
 
 
 def _bootstrap_mean(x: Floats, level: float, key: int) -> Estimate:
-    """Return the mean of x (n,) with a percentile interval; nan if x has nan or is empty."""
+    """Return the mean of x (n,) with a bootstrap interval; nan if x has nan or is empty."""
     if not len(x) or np.isnan(x).any():
         return NOTHING
     rng = _rng(key, "bootstrap of scores")

@@ -1,9 +1,9 @@
-"""The graph of answered vectors: conclusions by transitivity alone, and circular answers.
+"""The graph of the vectors that were shown: conclusions by transitivity, and circular answers.
 
-The graph is weaker than a comparator, which also adds answers up, but people can read it: each
-conclusion is a chain of answers. If differences of vectors are rounded, a comparator that is exact
-about the rounded numbers can miss such a conclusion by the rounding. A circle of a person's answers
-most likely holds an error. Show it to the person, and retract the answers that they take back.
+A comparator concludes more, because it also adds answers up. But people can read the graph: each
+conclusion is a chain of answers. It also finds conclusions that a comparator misses if the vectors'
+differences were rounded. A circle in a person's answers most likely holds an error. Show it to the
+person, and retract the answers that they take back.
 """
 
 from collections.abc import Iterable
@@ -25,8 +25,8 @@ class Step(NamedTuple):
     Attributes
     ----------
     kind
-        "dominance" if the order of the levels says so (eq. 4), else "better" or "equal", as the
-        answers do.
+        "dominance" if the order of the levels shows it. Otherwise "better" or "equal", as the
+        answers say.
     ids
         The answers that say so, those that say "better" first; () for dominance.
     """
@@ -38,11 +38,9 @@ class Step(NamedTuple):
 
 
 class Implied(NamedTuple):
-    """A conclusion about two nodes.
+    """A conclusion that node ``better`` is better than ``worse`` (BETTER) or as good (EQUAL).
 
-    ``better`` is better than ``worse`` (verdict BETTER) or as good (EQUAL).
-
-    ``steps`` leads from the one to the other.
+    ``steps`` is the chain from ``better`` to ``worse``.
     """
 
     better: int
@@ -52,23 +50,23 @@ class Implied(NamedTuple):
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """One answer for each answered step: together they prove it."""
+        """The ids of answers that prove the conclusion, one for each step that needs an answer."""
         return tuple(step.ids[0] for step in self.steps if step.ids)
 
 
 class Cycle(NamedTuple):
-    """A circular chain: each node is at least as good as the next, at least one of them better.
+    """A circular chain: each node is at least as good as the next, and in some step better.
 
-    The last step ends at the node where the first begins. It is the node that was shown first.
+    The last step returns to the node where the first begins, which is the node shown first.
     """
 
     steps: tuple[Step, ...]
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """All answers on the cycle.
+        """The ids of all answers on the cycle.
 
-        To break it, all answers of one of its steps must be withdrawn.
+        To break the cycle, withdraw all answers of one of its steps.
         """
         return tuple(name for step in self.steps for name in step.ids)
 
@@ -76,7 +74,7 @@ class Cycle(NamedTuple):
 def preference_graph(answers: Iterable[Answer | Entry], dominance: bool = True) -> nx.DiGraph:
     """Return the graph of the vectors that were shown, with edges from better to worse.
 
-    EQUAL makes an edge in either direction, and so do opposite answers to one pair. "Cannot tell"
+    EQUAL makes edges in both directions, and so do opposite answers to the same pair. "Cannot tell"
     makes none. Entries that are not used, such as retracted ones, are left out.
 
     Parameters
@@ -90,10 +88,10 @@ def preference_graph(answers: Iterable[Answer | Entry], dominance: bool = True) 
     networkx.DiGraph
         Nodes are 0, 1, ... in the order in which the vectors were first shown, with the attribute
         ``vector`` (k,). Vectors that differ at level 1 only are worth the same, and are one node.
-        Edges have ``ids``, the answers that say that the start is at least as good as the end
-        (those that say "better" first). Their ``kind`` is "better" if some answers say that, else
-        "equal", or "dominance" if there are none. Their ``dominates`` is True if the order of the
-        levels says that the start is better.
+        An edge's ``ids`` are the answers that say that its start is at least as good as its end,
+        those that say "better" first. Its ``kind`` is "better" if some answers say that, else
+        "equal", or "dominance" if there are no answers. Its ``dominates`` is True if the order of
+        the levels shows that the start is better.
 
     Raises
     ------
@@ -142,14 +140,14 @@ def preference_graph(answers: Iterable[Answer | Entry], dominance: bool = True) 
 
 
 def follows(graph: nx.DiGraph) -> list[Implied]:
-    """Return conclusions by transitivity about pairs that no edge joins.
+    """Return conclusions by transitivity about pairs of nodes without an edge.
 
-    Nobody needs to ask about them.
+    Nobody needs to ask about these pairs.
 
-    For each pair it is the chain with the fewest answers, and among those one with the fewest
-    steps. Two nodes that are as good as each other are listed once, the first one shown as
-    ``better``. About nodes on a cycle everything follows, also opposites, so look at ``cycles``
-    first. There is one shortest-path search per node.
+    A pair's conclusion is the chain with the fewest answers, then the fewest steps. If two nodes
+    are as good as each other, the pair is listed once, and the node shown first is ``better``. On a
+    cycle every conclusion follows, and its opposite too, so look at ``cycles`` first. There is a
+    shortest-path search for each node.
 
     Parameters
     ----------
@@ -184,15 +182,16 @@ def follows(graph: nx.DiGraph) -> list[Implied]:
 def cycles(graph: nx.DiGraph) -> list[Cycle]:
     """Return minimal circular chains of answers and of dominance.
 
-    A circle has at least one answer and a step that is not "equal". It is minimal if no part of its
-    answers makes a circle. For each such step that lies on a circle, the circle returned is that
-    through it with the fewest answers, then the fewest steps, or a smaller one that is part of it.
+    A circle has at least one answer and at least one step that is not "equal". It is minimal if no
+    part of its answers makes a circle. For each such step on some circle, the result has the circle
+    through it with the fewest answers, then the fewest steps, or a smaller circle that is part of
+    that one.
 
     An empty list means that, by transitivity alone, the answers contradict neither each other nor
     the order of the levels. Otherwise a comparator for reliable tutors takes all vectors on a cycle
-    as equally good, if a scale allows that (with dominance on the cycle it needs equal levels,
-    which a margin above 0 forbids). From a person a cycle most likely means that one of its answers
-    is wrong. Ask first about an answer that is on many cycles.
+    as equally good, if a scale allows that. (A cycle with dominance needs equal levels, which a
+    margin above 0 forbids.) A cycle in a person's answers most likely means that one of them is
+    wrong. Ask first about an answer that is on many cycles.
 
     Parameters
     ----------
@@ -202,8 +201,8 @@ def cycles(graph: nx.DiGraph) -> list[Cycle]:
     Returns
     -------
     list of Cycle
-        Sorted, fewest answers first. There are no more cycles than edges, and one shortest-path
-        search per node and per cycle.
+        Sorted, fewest answers first. There are no more cycles than edges, and a shortest-path
+        search for each node and each cycle.
     """
     minimal = {_circles(_only(graph, said, nodes))[0] for said, nodes in _circles(graph)}
     return [
@@ -213,14 +212,12 @@ def cycles(graph: nx.DiGraph) -> list[Cycle]:
 
 _Nodes: TypeAlias = tuple[int, ...]
 _Said: TypeAlias = tuple[int, int, str]
-"""Relation that one or more answers state between two nodes.
-
-It is better, worse, and "better"; or both in order, and "equal".
-"""
+"""A relation between two nodes that answers state: (better node, worse node, "better"), or (the two
+nodes in order, "equal")."""
 
 
 def _steps(graph: nx.DiGraph, path: Iterable[int]) -> tuple[Step, ...]:
-    """Return the edges along a path; where dominance suffices, no answer is named."""
+    """Return the edges along a path as steps. A step shown by dominance names no answers."""
     steps = []
     for edge in pairwise(path):
         about = graph.edges[edge]
@@ -233,10 +230,10 @@ def _steps(graph: nx.DiGraph, path: Iterable[int]) -> tuple[Step, ...]:
 
 
 def _circles(graph: nx.DiGraph) -> list[tuple[frozenset[_Said], _Nodes]]:
-    """Return the shortest circles through the strict steps that lie on one, fewest answers first.
+    """Return shortest circles, each as the set of its answers and its nodes, fewest answers first.
 
-    Each comes as the answers on it, of each such set one circle only, and its nodes, the smallest
-    first.
+    For every strict step that lies on a circle there is the shortest circle through it. Circles
+    with the same answers are listed once. The nodes begin with the smallest.
     """
     better = [
         edge
@@ -270,7 +267,7 @@ def _circles(graph: nx.DiGraph) -> list[tuple[frozenset[_Said], _Nodes]]:
 
 
 def _only(graph: nx.DiGraph, said: frozenset[_Said], nodes: _Nodes) -> nx.DiGraph:
-    """Return the graph of these nodes with these answers and dominance, and no other answers."""
+    """Return the graph of these nodes, with these answers and dominance as its only edges."""
     edges = {(better, worse) for better, worse, _ in said} | {
         (b, a) for a, b, kind in said if kind == "equal"
     }
@@ -290,7 +287,7 @@ def _shortest_paths(graph: nx.DiGraph, start: int) -> dict[int, list[int]]:
 
 
 def _said(graph: nx.DiGraph, nodes: _Nodes) -> frozenset[_Said]:
-    """Return the answers that a circle needs."""
+    """Return the answers that are needed for a circle through these nodes."""
     steps = _steps(graph, (*nodes, nodes[0]))
     return frozenset(
         (min(s[:2]), max(s[:2]), s.kind) if s.kind == "equal" else (s.better, s.worse, s.kind)

@@ -1,8 +1,8 @@
 """Reports on the tutor behind a log: error rates, precision, and side bias.
 
-Nothing here knows the hidden scale. Wrong answers show in three ways: a question was asked twice,
-an answer contradicts the order of the levels, or, by the model of ``PosteriorComparator``, it fits
-no scale that fits the others.
+The hidden scale is not known here. Wrong answers show in three ways: a question was asked twice
+with different answers, an answer contradicts the order of the levels, or, by the model of
+``PosteriorComparator``, an answer fits no scale that fits the others.
 """
 
 import math
@@ -36,7 +36,7 @@ _SHOWN = 5  # number of doubtful answers that a report names
 
 
 class Estimate(NamedTuple):
-    """A number and an interval that holds it; nan if the answers say nothing."""
+    """A number with an interval; nan if the answers say nothing about it."""
 
     value: float
     low: float
@@ -55,13 +55,13 @@ NOTHING = Estimate(math.nan, math.nan, math.nan)
 class TutorReport:
     """Findings of ``tutor_report``; ``str()`` puts them in sentences.
 
-    Estimates hold intervals of ``level``.
+    Intervals of estimates have the level ``level``.
 
     Attributes
     ----------
     answers
         Number of answers that prefer a side or call a tie. ``ties`` of them are ties. ``unused`` of
-        them were told but not learned from. Repeats of a session are not told.
+        them were told but not learned. A session's repeated questions are not among them.
     cannot_tell, retracted
         Numbers of answers of these kinds. They are not among ``answers``.
     by_order, against_order
@@ -70,27 +70,27 @@ class TutorReport:
     repeated
         Number of questions asked more than once.
     couples
-        Number of couples of answers to one question: its first two answers, the next two, and so
-        on.
+        Number of couples of answers to the same question: its first two answers, the next two, and
+        so on.
     consistency
         Share of couples that agree, with an exact interval (Clopper and Pearson 1934).
     error_rate_repeated
         Error rate from the couples without ties, with an exact interval.
     error_rate
-        Share of these very answers (without ties) that are wrong, by the model.
+        Share of the log's own answers (without ties) that are wrong, by the model.
     precision
         In logits per unit of d.e (median, quantiles).
     lapse
-        Share answered at random, half of it wrong (mean, shortest interval).
+        Share of answers given at random, half of which are wrong (mean, shortest interval).
     doubtful
         (id, probability) of the answers that are more probably wrong than right.
     sided, exchanged, left_share
-        ``sided`` is the number of answers that prefer a side, or 0 if no sides are on record.
-        ``exchanged`` of these were shown flipped. ``left_share`` is the share of the sided answers
-        that prefer the side shown left, with an exact interval.
+        ``sided`` is the number of answers that prefer a side, or 0 if the log does not say which
+        side was shown left. ``exchanged`` of these were shown flipped. ``left_share`` is the share
+        of the sided answers that prefer the side shown left, with an exact interval.
     left_p
-        Two-sided exact p-value of that share against 1/2, which the share is without a bias if a
-        coin decided about the sides. It is nan if they were never, or always, exchanged.
+        Two-sided exact p-value of a bias to one side. It tests ``left_share`` against 1/2, which is
+        right if sides were exchanged at random. It is nan if they were exchanged never or always.
     """
 
     k: int
@@ -207,21 +207,22 @@ def tutor_report(
 
     Notes
     -----
-    There are two error rates. The first is from repeated questions. Two answers to one pair differ
-    with probability q = 2 e (1 - e) if errors are independent and equally likely each way, so e =
-    (1 - sqrt(1 - 2 q)) / 2. It assumes nothing about the scale, but errors that a tutor repeats
-    stay hidden, and if error rates differ between pairs e is below their mean.
+    There are two error rates. The first is from repeated questions. Suppose that errors are
+    independent, and equally likely in both directions, with the rate e. Two answers to the same
+    pair then differ with probability q = 2 e (1 - e), so e = (1 - sqrt(1 - 2 q)) / 2. This assumes
+    nothing about the scale. But errors that a tutor repeats stay hidden, and if error rates differ
+    between pairs, e is below their mean.
 
     The second is from the model, P(left said better) = lapse/2 + (1 - lapse) sigma(c d.e), with the
     prior of ``PosteriorComparator`` on scale, precision c and lapse. It is the posterior share of
     answers on the wrong side of the scale. The interval of the lapse is the shortest one that holds
-    the share ``level`` of the posterior. An interval from 0 on is given instead if it is at most
-    about a tenth longer.
+    the share ``level`` of the posterior. An interval that starts at 0 is given instead if it is at
+    most about a tenth longer.
 
-    Some twenty answers say little about errors if each question was chosen because its answer could
-    not be predicted. The priors then dominate both figures from the model. A tutor who never errs,
-    even at near ties, fits every large precision equally well. The upper end of the precision's
-    interval is then that of the prior.
+    If each question was chosen because its answer could not be predicted, some twenty answers say
+    little about errors. The priors then dominate both figures from the model. A tutor who never
+    errs, even at near ties, fits every large precision equally well. The upper end of the
+    precision's interval is then that of the prior.
     """
     check_level(level)
     told = read_log(log, k)
@@ -282,9 +283,10 @@ def exact_share(count: int, n: int, level: float = 0.95) -> Estimate:
 
 
 class _Record(NamedTuple):
-    """The answers that stand, and counts of the others.
+    """A log's answers that were not taken back, and counts of its other answers.
 
-    It also says which were shown exchanged (n,), if that is known.
+    ``swapped`` (n,) flags the answers that were shown with sides exchanged; None if the log does
+    not say it.
     """
 
     answers: Answers
@@ -295,7 +297,7 @@ class _Record(NamedTuple):
 
 
 def read_log(log: EarlierAnswers, k: int | None) -> _Record:
-    """Return the recorded answers about k levels, without retracted ones, and counts of the others.
+    """Return the answers about k levels that stand in a log, and the numbers of its other answers.
 
     Parameters
     ----------
@@ -341,12 +343,10 @@ def read_log(log: EarlierAnswers, k: int | None) -> _Record:
 
 
 def _couples(answers: Answers) -> tuple[NDArray[np.intp], int]:
-    """Return rows (m, 2) that answer the same pair.
+    """Return pairs of rows (m, 2) that answer the same question, and the number of such questions.
 
-    The number of pairs that were answered more than once comes second.
-
-    No row is in two couples, so that couples are independent. A vector against itself is no
-    question.
+    No row is in two couples, so that couples are independent. Questions about equal vectors do not
+    count.
     """
     pairs, asked = pair_numbers(answers.d), np.any(answers.d != 0, axis=1)
     rows = [
@@ -362,7 +362,7 @@ def _couples(answers: Answers) -> tuple[NDArray[np.intp], int]:
 def _fit_model(
     answers: Answers, level: float, prior: PriorLike, particles: int, seed: Seed | None
 ) -> dict[str, Any]:
-    """Return the part of a ``TutorReport`` that depends on the model."""
+    """Return the parts of a ``TutorReport`` that come from the model, by name."""
     posterior = PosteriorComparator(
         answers.k, particles=particles, prior=prior, seed=key_of(seed_of(seed)), tie=0.0
     ).update(answers)
@@ -387,9 +387,10 @@ def _fit_model(
 
 
 def _shortest(shares: Floats, weights: Floats, level: float) -> tuple[float, float]:
-    """Return the shortest interval with a weight of ``level``, of weighted numbers from 0 on.
+    """Return the shortest interval that holds a weight of ``level`` of some weighted numbers >= 0.
 
-    It begins at 0 unless one that does not is a tenth shorter: draws scatter.
+    An interval that starts at 0 is returned instead if it is less than a ninth longer: which of the
+    two is shorter may be chance.
     """
     order = np.argsort(shares, kind="stable")
     at, below = shares[order], np.concatenate([[0.0], np.cumsum(weights[order])])
@@ -403,7 +404,7 @@ def _shortest(shares: Floats, weights: Floats, level: float) -> tuple[float, flo
 
 
 def _around(value: float, low: float, high: float) -> Estimate:
-    """Return the interval widened to hold the value, a mean that may lie outside it."""
+    """Return the interval as an Estimate, widened to hold the value, which may lie outside."""
     return Estimate(float(value), float(min(low, value)), float(max(high, value)))
 
 

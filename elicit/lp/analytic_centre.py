@@ -1,8 +1,8 @@
-"""The analytic centre of K_t.
+"""The analytic centre of K_t, the set of scales that fit the answers.
 
-It is the point that maximises the product of its distances to all constraints. It serves as the
-polytope's single best guess at the scale (``values``). It is also a strictly interior point, which
-proves on which side of 0 some plausible d.e lies.
+It is the point that maximises the product of its distances to all constraints. The polytope uses it
+as its single best guess at the scale (``values``). It is also strictly inside K_t, so it proves the
+sign of d.e for one plausible scale.
 """
 
 from typing import NamedTuple
@@ -24,9 +24,9 @@ Flags = NDArray[np.bool_]
 
 
 class _Shape(NamedTuple):
-    """All constraints of a region: rows (m, p) and limits (m,).
+    """All constraints of a region, rows (m, p) and limits (m,), in an order fixed by their set.
 
-    Their order depends on their set only.
+    So the order of the answers makes no difference.
     """
 
     rows: Floats
@@ -35,9 +35,9 @@ class _Shape(NamedTuple):
 
 
 class _Hull(NamedTuple):
-    """The affine hull {g : equal g = to, sum g = 1} of a flat region.
+    """The affine hull {g : equal g = to, sum g = 1} of a region with no interior.
 
-    ``flat`` marks the rows that the hull comes from.
+    ``flat`` marks the rows that hold with equality on all of it.
     """
 
     flat: Flags
@@ -49,8 +49,8 @@ class _Hull(NamedTuple):
 def analytic_centre(region: Region) -> Floats:
     """Return the analytic centre g (p,) of the region, or of its relative interior if it is flat.
 
-    The result is a pure function of the region's set of constraints. It is where ``climb`` ends
-    that starts from the point with the greatest least slack.
+    The result depends only on the set of constraints. It is found by ``climb``, from the point with
+    the greatest least slack.
     """
     shape = _canonical(region)
     hull = _opposites(shape)
@@ -70,9 +70,10 @@ def _canonical(region: Region) -> _Shape:
 
 
 def _opposites(shape: _Shape) -> _Hull:
-    """Return the hull of the rows that leave (nearly) no room between them.
+    """Return the affine hull of a region that pairs of opposite rows make flat.
 
-    Such rows come from an answer "equal", or from opposite answers.
+    Such a pair leaves (nearly) no room between its two limits. It comes from an answer "equal", or
+    from opposite answers.
     """
     tightest: dict[bytes, float] = {}
     keys = [(row + 0.0).tobytes() for row in shape.rows]
@@ -89,15 +90,15 @@ def _opposites(shape: _Shape) -> _Hull:
 
 
 def _inside(g: Floats, shape: _Shape, flat: Flags) -> bool:
-    """Return whether g satisfies every constraint, the flat's own rows to within _FLAT."""
+    """Return whether g satisfies every constraint; those of the hull may miss by _FLAT."""
     slack = (product(shape.rows, g) - shape.limits) / shape.size
     return bool((slack[~flat] > 0).all() and (slack[flat] > -_FLAT).all())
 
 
 def _deepest_point(shape: _Shape, hull: _Hull) -> Floats | None:
-    """Return the point of the hull whose least slack is greatest.
+    """Return the point of the hull that is farthest from its nearest constraint.
 
-    Return None if floats find no point of positive slack.
+    Return None if floats find no point with positive slack in all constraints.
     """
     p, free = shape.rows.shape[1], ~hull.flat
     equal = np.concatenate([np.ones((1, p)), hull.equal])
@@ -119,10 +120,11 @@ def _deepest_point(shape: _Shape, hull: _Hull) -> Floats | None:
 
 
 def _relative_interior(shape: _Shape, region: Region) -> tuple[Floats, _Hull]:
-    """Return a point of the relative interior, and the hull of the region.
+    """Return a point in the relative interior of a flat region, and the region's affine hull.
 
-    A constraint has room at the point if it has room anywhere in the region. The point is the mean
-    of exact vertices, one for each constraint in which the mean so far has no room.
+    At the point every constraint has slack, unless it holds with equality in the whole region. The
+    point is a mean of exact vertices. As long as some constraint has no slack at the mean, a vertex
+    at which it has most is added.
     """
     m = len(shape.rows)
     vertices: list[Numbers] = [minimise_exactly(-shape.rows[0], region).g]
@@ -143,9 +145,9 @@ def _relative_interior(shape: _Shape, region: Region) -> tuple[Floats, _Hull]:
 
 
 def _newton(g: Floats, shape: _Shape, hull: _Hull) -> Floats:
-    """Return the analytic centre along the affine hull, starting from a point g of it.
+    """Return the analytic centre within the affine hull, by Newton steps from a point g of it.
 
-    g must have room in all rows that are not flat.
+    g must have slack in all rows that are not flat.
     """
     p = len(g)
     along = (
@@ -163,8 +165,8 @@ def _newton(g: Floats, shape: _Shape, hull: _Hull) -> Floats:
 def climb(x: Floats, rows: Floats, limits: Floats, along: Floats) -> Floats:
     """Return the point of x + span(along) where the product of the slacks is greatest.
 
-    The slacks are those of rows x >= limits. The method is damped Newton steps on the
-    self-concordant barrier (Nesterov and Nemirovskii 1994).
+    The slacks are rows x - limits. The method is damped Newton steps on the self-concordant barrier
+    (Nesterov and Nemirovskii 1994).
 
     Parameters
     ----------

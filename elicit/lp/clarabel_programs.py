@@ -1,6 +1,7 @@
-"""The two linear programs of section 3.1, least and greatest d.e over K_t, solved by Clarabel.
+"""The linear programs for the least and greatest d.e over K_t, solved by Clarabel.
 
-Every bound is proven, so that none depends on the solver's accuracy.
+They are those of the paper's section 3.1. Every bound is proven from the solver's multipliers, so
+none depends on the solver's accuracy.
 """
 
 from typing import Any, NamedTuple
@@ -19,9 +20,9 @@ TIGHT = 4e-10  # bounds are proven to be as tight as this, for t of order 1
 
 
 class Solved(NamedTuple):
-    """A solver's answer to min t.g: the point g (p,) and multipliers y (m,) >= 0 of the rows.
+    """A solver's result for min t.g: the point g (p,) and multipliers y (m,) >= 0 of the rows.
 
-    Both are only nearly right. They exist only if the solver's status was "Solved".
+    Both are only approximate. They exist only if the solver's status was "Solved".
     """
 
     g: Floats
@@ -29,9 +30,9 @@ class Solved(NamedTuple):
 
 
 class Programs:
-    """The programs min t.g over one region, for many t.
+    """The programs min t.g over the same region, for many t.
 
-    One Clarabel solver serves them all. Only its objective is replaced.
+    All share one Clarabel solver, in which only the objective is replaced.
     """
 
     def __init__(self, region: Region) -> None:
@@ -40,7 +41,7 @@ class Programs:
         self._solver: Any = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the state without the solver, which cannot be copied: a copy makes its own."""
+        """Return the state without the solver, which cannot be copied. A copy makes a new one."""
         return {**vars(self), "_solver": None}
 
     def solve(self, t: Floats) -> Solved | None:
@@ -75,13 +76,13 @@ class Programs:
         ----------
         t : (p,)
         inside : (p,), optional
-            A point strictly inside the region. It turns nearly right points into points of the
-            region, whose t.g shows how tight the bound is.
+            A point strictly inside the region. Approximate points are moved towards it until they
+            are in the region. Their t.g then shows how tight the bound is.
 
         Returns
         -------
         float
-            The exact optimum, rounded down, if floats cannot show that their bound is tight.
+            If floats cannot show that their bound is tight, it is the exact optimum, rounded down.
         """
         for propose in (self.solve, self._vertex):
             low, point = self._proven(t, propose(t), inside)
@@ -121,9 +122,9 @@ class Programs:
     def _proven(
         self, t: Floats, found: Solved | None, inside: Floats | None
     ) -> tuple[float, Floats | None]:
-        """Return the bound that a solution's multipliers prove, and its point.
+        """Return the lower bound proven by a solution's multipliers, and its point.
 
-        The point is pulled strictly inside the region. It is None if that fails.
+        The point is moved strictly inside the region. It is None if that fails.
         """
         if found is None:
             return -np.inf, None
@@ -131,6 +132,6 @@ class Programs:
         return certified_bound(t, found.y, self.region), point
 
     def _vertex(self, t: Floats) -> Solved:
-        """Return the optimum by the simplex method in floats, if Clarabel's 1e-10 is not enough."""
+        """Return the optimum by the simplex method in floats, if Clarabel's 1e-10 is too coarse."""
         vertex = minimise(t, self.region)
         return Solved(vertex.g, np.maximum(vertex.y, 0.0))

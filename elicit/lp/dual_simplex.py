@@ -1,9 +1,10 @@
 """A small dual simplex method over K_t, in floats and in exact integers.
 
-It starts at the vertex that is best over K_0 and lets in the most violated row until none is left
-(Lemke 1954). Floats only propose: a caller must prove their result. The exact method starts from
-the basis that floats propose and pivots in integers over one common denominator (Edmonds 1967).
-That takes a fiftieth of the CPU time of the same steps in fractions.
+It starts at the vertex that is best if only the order of the levels is known, and adds the most
+violated row until none is violated (Lemke 1954). The method in floats only proposes: a caller must
+prove its result. The exact method starts from the basis that floats propose. It pivots in integers
+over one common denominator (Edmonds 1967), in a fiftieth of the CPU time of the same steps in
+fractions.
 """
 
 from collections.abc import Sequence
@@ -27,7 +28,7 @@ _NUDGE = 1e-12  # how far floats follow the tie-break, relative to the largest e
 
 
 class End(Enum):
-    """The end of a run of the simplex method."""
+    """The way in which a run of the simplex method ended."""
 
     OPTIMAL = "a vertex that no constraint and no multiplier contradicts"
     EMPTY = "no point satisfies the rows in `support`"
@@ -36,7 +37,7 @@ class End(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Vertex:
-    """Least t.g over a region, and where it is reached.
+    """The least t.g over a region, and the vertex where it is reached.
 
     Attributes
     ----------
@@ -64,8 +65,8 @@ class Vertex:
 def minimise(t: Floats, region: Region) -> Vertex:
     """Return a vertex of the region with the least t.g, computed in floats.
 
-    The value has rounding errors, and the vertex may be wrong: the caller must prove it. ``end``
-    says so if no vertex was found.
+    The value has rounding errors, and the vertex may be wrong: the caller must prove it. If none
+    was found, ``end`` says so.
     """
     p, m = region.p, len(region.rows)
     constraints, limits = region.constraints
@@ -101,8 +102,8 @@ def minimise(t: Floats, region: Region) -> Vertex:
 def minimise_exactly(t: Floats, region: Region) -> Vertex:
     """Return the least t.g over the region in rationals (Fractions).
 
-    It starts from the basis that floats propose. An empty region gives End.EMPTY, and ``support``
-    holds the proof.
+    The method starts from the basis that floats propose. An empty region gives End.EMPTY, and
+    ``support`` holds the proof.
     """
     p, m = region.p, len(region.rows)
     goal, unit = _integers(t)
@@ -142,10 +143,10 @@ def minimise_exactly(t: Floats, region: Region) -> Vertex:
 
 
 class _IntegerVertex:
-    """A vertex where p - 1 of the constraints are active.
+    """A vertex, where p - 1 of the constraints are active, in exact integers.
 
-    The inverse of their integer matrix is ``inverse`` / ``denominator``, both integers, with
-    ``denominator`` > 0. Limits are integers over the margin's denominator.
+    The inverse of the matrix of active constraints is ``inverse`` / ``denominator``, with integer
+    entries and ``denominator`` > 0. Limits are integers over the margin's denominator.
     """
 
     def __init__(self, region: Region, best: int) -> None:
@@ -176,7 +177,7 @@ class _IntegerVertex:
         return vertex
 
     def row(self, c: int) -> tuple[Numbers, int, int]:
-        """Return constraint c in integers: coefficients (p,), limit, and their common factor."""
+        """Return constraint c in integers: coefficients (p,), limit, and the factor they share."""
         if c not in self._rows:
             whole, unit = _integers(
                 [*self._constraints[c], self._limits[c] if c >= self.region.p else 0.0]
@@ -189,7 +190,7 @@ class _IntegerVertex:
         return self._rows[c]
 
     def pivot(self, entering: int, leaving: int) -> None:
-        """Exchange the active constraint in place ``leaving`` for another.
+        """Replace the active constraint in place ``leaving`` by the constraint ``entering``.
 
         Every division is exact.
         """
@@ -203,7 +204,7 @@ class _IntegerVertex:
         self.active[leaving] = entering
 
     def point(self) -> tuple[Numbers, int]:
-        """Return g as integers (p,) over a common denominator."""
+        """Return the vertex g (p,) as integers over a common denominator."""
         g = self.inverse @ np.array(
             [self._unit, *(self.row(c)[1] for c in self.active)], dtype=object
         )
@@ -212,8 +213,8 @@ class _IntegerVertex:
     def violated(self, by_index: bool) -> int | None:
         """Return a constraint that this vertex violates, or None.
 
-        It is the most violated one, or if ``by_index`` the first one, which cannot cycle (Bland
-        1977). Floats exclude the constraints that hold by more than any rounding.
+        It is the most violated one, or with ``by_index`` the first one, by which the method cannot
+        cycle (Bland 1977). Constraints that floats show to hold are not computed exactly.
         """
         g, unit = self.point()
         most = 10**300 * unit
@@ -235,7 +236,7 @@ class _IntegerVertex:
 
 
 def _tie_break(p: int) -> Floats:
-    """Return a second objective (p,), which decides where the first one is indifferent.
+    """Return a second objective (p,), which decides where the first one has ties.
 
     Without it, differences with many equal tail sums stall the method (Charnes 1952).
     """
@@ -243,10 +244,10 @@ def _tie_break(p: int) -> Floats:
 
 
 def _order_vertex(best: int, p: int, one: Any) -> tuple[list[int], Numbers]:
-    """Return the vertex of K_0 whose gap ``best`` is the large one.
+    """Return the vertex of K_0, all ordered scales, where only the gap ``best`` is large.
 
     It is given by its active constraints and by the inverse of their matrix, in the type of
-    ``one``. The matrix has the rows sum g = 1, then g_j = margin for each other j.
+    ``one``. The matrix has the row sum g = 1, then g_j = margin for each other j.
     """
     active = [j for j in range(p) if j != best]
     inverse: Numbers = np.full(
@@ -259,7 +260,7 @@ def _order_vertex(best: int, p: int, one: Any) -> tuple[list[int], Numbers]:
 
 
 def _integers(numbers: Floats | Sequence[float]) -> tuple[Numbers, int]:
-    """Return finite floats as integers over one common power of two."""
+    """Return finite floats as integers over a common power of two."""
     ratios = [float(x).as_integer_ratio() for x in numbers]
     unit = max(d for _, d in ratios)
     return np.array([n * (unit // d) for n, d in ratios], dtype=object), unit

@@ -1,9 +1,9 @@
 """Scales drawn from K_t, about uniformly, by hit-and-run (Smith 1984) with many chains at once.
 
-Proofs about K_t need no draws. The choice of questions does, for example to divide the plausible
-scales most evenly. The chains start at the middle of K_t. They take their directions from Dikin's
-ellipsoid there (Kannan and Narayanan 2012), which has about the shape of K_t. After a few dozen
-steps they are near enough to uniform.
+Proofs about K_t need no draws. The choice of questions does, for example to halve the plausible
+scales. The chains start in the middle of K_t. Their directions come from Dikin's ellipsoid there
+(Kannan and Narayanan 2012), which has about the shape of K_t. After a few dozen steps the points
+are near enough to uniform.
 """
 
 import math
@@ -24,7 +24,7 @@ _LEAST_SLACK = 1e-12  # in a flat region the middle lies on constraints and has 
 
 
 class Draws(NamedTuple):
-    """Weighted draws of scales.
+    """Weighted draws of scales, given by their gaps.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Draws(NamedTuple):
 
 @one_thread
 def draws_within(region: Region, inside: Floats) -> Draws:
-    """Return draws from a region, one for each chain.
+    """Return draws of scales from a region, the end of each chain.
 
     They depend on the region as a set, not on the order of its rows.
 
@@ -50,8 +50,8 @@ def draws_within(region: Region, inside: Floats) -> Draws:
     ----------
     region : Region
     inside : (p,)
-        A point strictly inside it. If the region is too flat for the chains to move, it is the only
-        draw.
+        A point strictly inside the region. If the region is too flat for the chains to move, this
+        point is the only draw.
 
     Returns
     -------
@@ -79,9 +79,10 @@ def draws_within(region: Region, inside: Floats) -> Draws:
 
 
 def _reached_together(slack: Floats, rate: Floats, up: Floats, down: Floats) -> None:
-    """Write the distances (n,) along each line at which it leaves the region, up and down.
+    """Write the distances (n,) at which each line leaves the region, forwards and backwards.
 
-    ``slack`` (m, n) are the distances to the constraints, and ``rate`` (m, n) how fast they grow.
+    ``slack`` (m, n) are the distances to the constraints, and ``rate`` (m, n) their growth along
+    the line.
     """
     with np.errstate(all="ignore"):
         reach = -slack / rate  # distance along the line at which each constraint is met
@@ -91,7 +92,7 @@ def _reached_together(slack: Floats, rate: Floats, up: Floats, down: Floats) -> 
 
 @compiled_beside(_reached_together)
 def _reached(slack: Any, rate: Any, up: Any, down: Any) -> None:
-    """Do what ``_reached_together`` does, one constraint at a time, for compiled code."""
+    """Do the same as ``_reached_together``, a constraint at a time, for compiled code."""
     m, n = rate.shape
     for i in range(n):
         up[i], down[i] = math.inf, -math.inf
@@ -103,14 +104,14 @@ def _reached(slack: Any, rate: Any, up: Any, down: Any) -> None:
 
 
 def _move_together(slack: Floats, rate: Floats, length: Floats) -> None:
-    """Add to ``slack`` (m, n) what it grows by along the lines (n,); none becomes negative."""
+    """Update ``slack`` (m, n) after a move along each line by ``length`` (n,); none is negative."""
     slack += length * rate
     np.maximum(slack, 0.0, out=slack)
 
 
 @compiled_beside(_move_together)
 def _move(slack: Any, rate: Any, length: Any) -> None:
-    """Do what ``_move_together`` does, one constraint at a time, for compiled code."""
+    """Do the same as ``_move_together``, a constraint at a time, for compiled code."""
     m, n = slack.shape
     for c in range(m):
         for i in range(n):
@@ -118,9 +119,10 @@ def _move(slack: Any, rate: Any, length: Any) -> None:
 
 
 def _ellipsoid(rows: Floats, limits: Floats, inside: Floats) -> Floats:
-    """Return a matrix (p, p - 1) that turns standard normals into directions along sum g = 1.
+    """Return a matrix (p, p - 1) that turns standard normal vectors into directions for lines.
 
-    The directions have the covariance of the Dikin ellipsoid at ``inside``, up to a factor.
+    The directions lie in sum g = 0. Their covariance is that of the Dikin ellipsoid at ``inside``,
+    up to a factor.
     """
     along, slack = (
         sums_to_zero(len(inside)),

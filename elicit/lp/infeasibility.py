@@ -1,4 +1,4 @@
-"""Tests whether a region is empty, and finds a smallest set of answers that makes it so."""
+"""Tests of whether a region is empty, and the smallest set of answers that makes it so."""
 
 from functools import partial
 
@@ -20,11 +20,11 @@ def is_empty(region: Region) -> Vertex | None:
 
 
 def minimal_conflict(region: Region, proof: Vertex) -> list[int]:
-    """Return the owners of an irreducible contradictory set of rows.
+    """Return the numbers of answers that contradict each other, with none that can be left out.
 
-    The search begins with the proof's support. It drops every answer that the contradiction does
-    not need (Chinneck and Dravnieks 1991). The order of the levels and the rows of the prior (owner
-    < 0) always stay.
+    The search begins with the rows that ``proof`` names, and drops each answer that the
+    contradiction does not need (Chinneck and Dravnieks 1991). The order of the levels and the rows
+    of the prior always stay. Numbers are those of ``Region.owner``.
     """
     owners = sorted({int(region.owner[i]) for i in proof.support if region.owner[i] >= 0})
     for owner in list(owners):
@@ -36,12 +36,13 @@ def minimal_conflict(region: Region, proof: Vertex) -> list[int]:
 
 
 def opposite_answers(answers: Answers, first: int) -> tuple[int, int] | None:
-    """Return two rows of opposite answers to one pair, or None if there are none.
+    """Return two rows of opposite answers to the same pair, or None if there are none.
 
-    One says "better" and the other "worse". The later one is from row ``first`` on. Both could be
-    right only if the pair were equal, which neither says. A multiple of a pair counts as the same
-    pair only if the factor is a power of two. A learner may ask about another multiple, if rounding
-    leaves it open.
+    One answer says "better" and the other "worse". The later one is in row ``first`` or after it.
+    Both could be right only if the pair were equal, which neither says.
+
+    A multiple of a pair counts as the same pair only if the factor is a power of two, because a
+    learner may ask about another multiple that rounding leaves open.
     """
     if not (answers.y[first:] != 0).any():
         return None
@@ -66,16 +67,17 @@ def opposite_answers(answers: Answers, first: int) -> tuple[int, int] | None:
 
 
 def exclude_opposites(rows: Floats, g: Floats | None) -> bool:
-    """Return whether a point shows that no answer is opposite to those with these rows (m, p).
+    """Return whether a quick test shows that the answers with these rows (m, p) have no opposites.
 
-    The point g (p,) satisfies every answer; None: there is none. It takes one product, where
-    ``opposite_answers`` looks through all answers (``vertex_store.UNOPPOSED`` says why).
+    The test uses a point g (p,) that satisfies every answer; None if there is no such point. It is
+    a single product, while ``opposite_answers`` looks through all answers
+    (``vertex_store.UNOPPOSED`` says why it suffices).
     """
     return g is not None and bool((rows @ g > UNOPPOSED).all())
 
 
 def opposed(rows: tuple[int, int], answers: Answers) -> InconsistentAnswers:
-    """Return the error that says that two rows hold opposite answers to the same pair."""
+    """Return the error that says that answers in two rows are opposite answers to the same pair."""
     found = tuple((row, answers.ids[row]) for row in rows)
     listed = " and ".join(f"row {row} (id {name})" for row, name in found)
     said = (
@@ -87,7 +89,7 @@ def opposed(rows: tuple[int, int], answers: Answers) -> InconsistentAnswers:
 
 
 def contradiction(region: Region, proof: Vertex, answers: Answers) -> InconsistentAnswers:
-    """Return the error that says that the answers leave the region empty, as ``proof`` shows."""
+    """Return the error that says that no scale fits the answers, as ``proof`` shows."""
     return InconsistentAnswers(partial(_explained, region, proof, answers))
 
 

@@ -1,8 +1,8 @@
-"""The primal simplex method over K_t, in floats, whose results are proofs or nothing.
+"""The primal simplex method over K_t in floats, with results that are proven.
 
-It walks from vertex to vertex and updates the vertices' inverses at each pivot. Its results are
-certain nevertheless. A point counts only if it is inside K_t by more than any rounding. Multipliers
-count only by a bound that holds for any multipliers.
+It walks from vertex to vertex, and updates the inverse of the active constraints at each pivot.
+Rounding cannot make a result wrong. A point counts only if it is inside K_t by more than any
+rounding. Multipliers count only by a bound that holds for any multipliers.
 """
 
 import math
@@ -17,9 +17,9 @@ from elicit.model.difference_kernel import largest
 from elicit.model.scale import Floats
 
 CERTAIN_POINT, VERTEX, DOUBTFUL_VERTEX = 0, 1, 2
-"""Use of a known vertex: its point alone, its point and its basis, or its basis alone. A later cut
-may have removed the vertex itself, and left the point beside it. So a basis is a place to start
-from, and proves nothing."""
+"""The three uses of a known vertex: its point alone, its point and its basis, or its basis alone. A
+later cut may have removed the vertex itself, and left the point beside it. So a basis is a place to
+start from, and proves nothing."""
 USED, SLOT, ROW = (
     0,
     1,
@@ -32,8 +32,8 @@ NEARLY = 1e-12  # multipliers this far below zero are set to zero, which keeps t
 class Known(NamedTuple):
     """Facts about K_t = {g >= margin, sum g = 1, rows g >= limits}, as plain arrays.
 
-    There are p gaps and m rows. The vertices' arrays and the counters change as walks find new
-    vertices.
+    There are p gaps and m rows. The arrays about vertices, and the counters, change as walks find
+    new vertices.
     """
 
     margin: float
@@ -54,7 +54,10 @@ class Known(NamedTuple):
 
 
 def nothing_known(margin: float, rows: Floats, limits: Floats, vertices: int) -> Known:
-    """Return the definition of K_t, rows (m, p) and limits (m,), with room for vertices."""
+    """Return the arrays of facts about K_t before any vertex is known.
+
+    K_t is given by rows (m, p) and limits (m,). There is room for ``vertices`` vertices.
+    """
     p = rows.shape[1]
     return Known(
         margin=margin,
@@ -78,11 +81,11 @@ def nothing_known(margin: float, rows: Floats, limits: Floats, vertices: int) ->
 def walk(s: Any, start: int, known: Known, out: Any, target: float) -> int:
     """Return 1 if s.g > target is proven on K_t, -1 if a point of K_t shows s.g < 0, else 0.
 
-    The walk goes from vertex ``start`` along edges that lessen s.g. Each is the steepest, by
-    Harris's ratio test. The vertex where the walk ends is kept.
+    The walk goes from vertex ``start`` along edges on which s.g falls. Each is the steepest, and
+    ends by Harris's ratio test. The vertex where the walk ends is stored.
 
-    ``out`` (m,), if it is not empty, marks rows that K_t is taken to lack. Then -1 says that some
-    vertex seems to have s.g < target. It proves nothing, and no vertex is kept.
+    If ``out`` (m,) is not empty, it marks rows to be ignored. Then -1 means that some vertex seems
+    to have s.g < target. That proves nothing, and no vertex is stored.
     """
     p, m = len(s), len(known.limits)
     inverse, active = (
@@ -135,7 +138,10 @@ def walk(s: Any, start: int, known: Known, out: Any, target: float) -> int:
 
 @compiled
 def redundant(known: Known) -> Any:
-    """Return flags (m,) of the rows of K_t that follow from the other rows, the latest first."""
+    """Return flags (m,) of rows of K_t that can be removed, because the others imply them.
+
+    The latest rows are tested first.
+    """
     p, m = known.cuts.shape
     out = np.zeros(m, dtype=np.bool_)
     for i in range(m - 1, -1, -1):
@@ -156,9 +162,9 @@ def redundant(known: Known) -> Any:
 
 @compiled
 def keep(s: Any, g: Any, slack: Any, inverse: Any, active: Any, age: int, known: Known) -> bool:
-    """Store a vertex and a point beside it that is certainly in K_t.
+    """Store a vertex, and a point beside it that is certainly in K_t.
 
-    Return whether the point is certain and s.g < 0 there.
+    Return whether that point was found, and s.g < 0 there.
     """
     p = len(g)
     point = np.empty(p)
@@ -185,7 +191,7 @@ def keep(s: Any, g: Any, slack: Any, inverse: Any, active: Any, age: int, known:
 
 @compiled
 def next_slot(known: Known) -> int:
-    """Return the place of the next vertex: the oldest makes room."""
+    """Return the place for the next vertex: that of the oldest if all are taken."""
     q: int = known.counts[SLOT]
     known.kind[q] = (
         DOUBTFUL_VERTEX  # until it is complete, lest an interruption leave a false point
@@ -210,7 +216,7 @@ def vertex_of(inverse: Any, active: Any, known: Known, g: Any) -> None:
 
 @compiled
 def rates_of(inverse: Any, column: int, known: Known, rate: Any) -> None:
-    """Write into ``rate`` (p + m,) how fast each slack grows along an edge of the inverse."""
+    """Write into ``rate`` (p + m,) how fast each slack grows along the edge of this column."""
     p, m = inverse.shape[0], len(known.limits)
     for j in range(p):
         rate[j] = inverse[j, column]
@@ -225,11 +231,11 @@ def rates_of(inverse: Any, column: int, known: Known, rate: Any) -> None:
 
 @compiled
 def multipliers(s: Any, inverses: Any, q: int, y: Any) -> int:
-    """Write the multipliers of the objective s at vertex q into y (p,).
+    """Write the multipliers of the objective s at vertex q into y (p,), and choose an edge.
 
-    The first is that of sum g = 1. The active constraints' follow. Return the place among the
-    latter of the negative multiplier whose edge is steepest, or -1 if none is negative, within
-    rounding.
+    The first multiplier is that of sum g = 1. Those of the active constraints follow. Return the
+    number of the active constraint with a negative multiplier whose edge is steepest, or -1 if none
+    is negative, within rounding.
     """
     p = len(s)
     for i in range(p):
@@ -253,7 +259,7 @@ def multipliers(s: Any, inverses: Any, q: int, y: Any) -> int:
 def blocking(slack: Any, rate: Any, is_active: Any) -> int:
     """Return the constraint that ends an edge, or -1 if the edge meets none.
 
-    Of those that it meets first, within rounding, it is the one that it meets most steeply.
+    If it meets several at once, within rounding, the steepest of them is returned.
     """
     reach = math.inf
     for c in range(len(slack)):
@@ -271,7 +277,7 @@ def blocking(slack: Any, rate: Any, is_active: Any) -> int:
 
 @compiled
 def pivot(inverse: Any, column: int, entering: int, known: Known) -> None:
-    """Exchange the constraint of a column of the inverse for another."""
+    """Replace the active constraint of a column of the inverse by the constraint ``entering``."""
     w = np.empty(inverse.shape[0])
     row_at(inverse, entering, known, w)
     exchange(inverse, column, w)
@@ -279,7 +285,7 @@ def pivot(inverse: Any, column: int, entering: int, known: Known) -> None:
 
 @compiled
 def row_at(inverse: Any, constraint: int, known: Known, w: Any) -> None:
-    """Write into w (p,) the growth of a constraint's slack along each edge of the inverse."""
+    """Write into w (p,) how fast a constraint's slack grows along each edge of the vertex."""
     p = inverse.shape[0]
     for i in range(p):
         w[i] = inverse[constraint, i] if constraint < p else 0.0
@@ -293,7 +299,7 @@ def row_at(inverse: Any, constraint: int, known: Known, w: Any) -> None:
 
 @compiled
 def exchange(inverse: Any, column: int, w: Any) -> None:
-    """Replace the constraint of a column of the inverse by the one with the rates w (p,)."""
+    """Update the inverse: the new constraint of a column has the rates w (p,) along the edges."""
     p = inverse.shape[0]
     for j in range(p):
         share = inverse[j, column] / w[column]
@@ -305,7 +311,7 @@ def exchange(inverse: Any, column: int, w: Any) -> None:
 
 @compiled
 def inverse_of(active: Any, known: Known, inverse: Any) -> bool:
-    """Compute the inverse (p, p) of [1; active constraints] by Gauss-Jordan with row exchanges.
+    """Compute the inverse (p, p) of the matrix [1; active constraints] by Gauss-Jordan elimination.
 
     Return False if the constraints are linearly dependent, as far as floats can tell.
     """

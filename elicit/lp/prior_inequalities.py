@@ -70,7 +70,7 @@ class Inequality:
 
 
 class Prior(NamedTuple):
-    """Several inequalities: a (p, k) and b (p,) with a e >= b, and their p names."""
+    """Several inequalities a e >= b, as a (p, k) and b (p,), and their p names."""
 
     a: Floats
     b: Floats
@@ -194,7 +194,7 @@ def inequalities(
 
 
 def as_prior(prior: PriorLike, k: int) -> Prior | None:
-    """Return any statement of prior knowledge about k levels as one ``Prior``.
+    """Return prior knowledge about k levels, in any of its forms, as a ``Prior``.
 
     Parameters
     ----------
@@ -248,7 +248,7 @@ def as_prior(prior: PriorLike, k: int) -> Prior | None:
 
 
 def readable(coefficients: Floats, bound: float) -> str:
-    """Return coefficients (k,) . e >= bound as people write it, such as "2*e3 - e2 >= 0.1".
+    """Return the inequality coefficients . e >= bound as text, such as "2*e3 - e2 >= 0.1".
 
     The best level comes first.
     """
@@ -266,9 +266,9 @@ def _is_statement(one: object) -> bool:
 
 
 def _stated(one: Statement, k: int) -> Sequence[Inequality]:
-    """Return the inequalities of a statement about k levels.
+    """Return the inequalities that a statement about k levels makes.
 
-    The rows of one constraint get names as the links of a chain do.
+    If a cvxpy constraint has several rows, they get numbered names.
     """
     if isinstance(one, Inequality):
         return [one]
@@ -365,7 +365,7 @@ def _direction(op: ast.cmpop, text: str) -> int:
 
 
 def _linear(node: ast.expr, levels: dict[str, int], text: str) -> Floats:
-    """Return the expression as a constant and a coefficient a level (1 + k,)."""
+    """Return an expression as numbers (1 + k,): its constant, and a coefficient for each level."""
     out: Floats = np.zeros(1 + max(levels.values()) + 1)
     if (
         isinstance(node, ast.Constant)

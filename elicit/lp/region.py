@@ -1,4 +1,4 @@
-"""K_t in gap space: the rows of answers and prior inequalities."""
+"""The plausible set K_t as linear constraints on the gaps: rows of answers and of the prior."""
 
 from __future__ import annotations
 
@@ -16,17 +16,16 @@ from elicit.model.query import Answers
 from elicit.model.scale import Floats
 
 TIE_BAND = 1e-9
-"""An answer "equal" means |d.e| <= tie, or <= TIE_BAND |d|_1 where that is wider (as it is where
-the tie is 0).
-"""
+"""An answer "equal" means |d.e| <= tie, or <= TIE_BAND |d|_1 if that is wider, as it is if the tie
+is 0."""
 
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """The set K = {g >= margin, sum g = 1, rows g >= rhs}.
+    """The set K = {g >= margin, sum g = 1, rows g >= rhs} of gaps g (p,).
 
-    ``owner`` (m,) names each row's origin: the number of the answer it comes from, or -1 - i for
-    prior inequality i.
+    ``owner`` (m,) says where each row comes from: the number of an answer, or -1 - i for prior
+    inequality i.
     """
 
     margin: float
@@ -43,23 +42,22 @@ class Region:
     def exact_margin(self) -> Fraction:
         """The margin as a rational.
 
-        It is the float's own value, or 1/p if the float is nearest to that. The latter is the only
-        way to ask for equal gaps.
+        It is the float's own value, except that the float nearest to 1/p stands for 1/p itself.
+        Otherwise nobody could ask for equal gaps.
         """
         return Fraction(1, self.p) if self.margin == 1.0 / self.p else Fraction(self.margin)
 
     @cached_property
     def constraints(self) -> tuple[Floats, Floats]:
-        """All constraints (p + m, p) and their limits (p + m,). The order's come first."""
+        """All constraints (p + m, p) and limits (p + m,): those of the order, then the rows."""
         limits = np.concatenate([np.full(self.p, self.margin), self.rhs])
         return np.concatenate([np.eye(self.p), self.rows]), limits
 
     @cached_property
     def constraints_in_order(self) -> tuple[Floats, Floats]:
-        """The constraints (m, p) and limits (m,) that exclude anything, each once.
+        """The constraints (m, p) and limits (m,), sorted, without duplicates and trivial ones.
 
-        Their order depends on their set only. So nothing computed from them depends on the order of
-        the answers.
+        Since they are sorted, nothing computed from them depends on the order of the answers.
         """
         rows, limits = self.constraints
         used = np.flatnonzero(np.abs(rows).max(axis=1) > 0)
@@ -67,7 +65,7 @@ class Region:
         return rows[used[first]], limits[used[first]]
 
     def take(self, keep: NDArray[Any], margin: float | None = None) -> Region:
-        """Return the same region with only some of its rows, and perhaps another margin."""
+        """Return the region with the rows that ``keep`` flags, and perhaps another margin."""
         return Region(
             self.margin if margin is None else margin,
             self.rows[keep],
@@ -76,7 +74,7 @@ class Region:
         )
 
     def plus(self, rows: Floats, rhs: Floats, owner: NDArray[np.int64]) -> Region:
-        """Return the same region cut by further rows."""
+        """Return the region cut by further rows."""
         join = np.concatenate
         return Region(
             self.margin, join([self.rows, rows]), join([self.rhs, rhs]), join([self.owner, owner])
@@ -86,10 +84,10 @@ class Region:
 def answer_rows(
     answers: Answers, first: int, tie: float
 ) -> tuple[Floats, Floats, NDArray[np.int64]]:
-    """Return the rows, right-hand sides and owners of the answers' cuts.
+    """Return the linear constraints on the gaps that answers make, as rows g >= rhs.
 
-    An answer y = +-1 is the cut y t.g >= 0. An answer y = 0 is the band on both sides, as wide as
-    ``tie`` in units of d.e.
+    An answer y = +-1 is the cut y t.g >= 0. An answer y = 0 makes two cuts: -tie <= t.g <= tie, in
+    units of d.e.
 
     Parameters
     ----------
@@ -103,6 +101,7 @@ def answer_rows(
     rows : (m, p)
     rhs : (m,)
     owner : (m,)
+        The number of the answer that each row comes from.
     """
     d, t, exponent = of_order_one(answers.d, "the answers")
     cutting = np.flatnonzero(t.any(axis=1))
@@ -125,9 +124,9 @@ def answer_rows(
 def prior_rows(
     prior: Prior | tuple[Floats, Floats] | None, k: int
 ) -> tuple[Floats, Floats, NDArray[np.int64]]:
-    """Return rows, right-hand sides and owners of A e >= b in gap space.
+    """Return prior inequalities A e >= b as linear constraints on the gaps, rows g >= rhs.
 
-    e is the cumulative sum of g, so A's tail sums are its rows.
+    The scale e is the cumulative sum of the gaps, so the rows are the tail sums of A.
 
     Parameters
     ----------
@@ -137,7 +136,9 @@ def prior_rows(
     Returns
     -------
     rows : (m, k-1)
-    rhs, owner : (m,) each
+    rhs : (m,)
+    owner : (m,)
+        -1 - i for a row that comes from prior inequality i.
     """
     if prior is None:
         return np.empty((0, k - 1)), np.empty(0), np.empty(0, dtype=np.int64)

@@ -1,9 +1,9 @@
 """Every bound on rounding errors in the linear programs, for NumPy arrays and for compiled loops.
 
-Points and multipliers come from solvers that are only nearly right. A point counts once it
-satisfies every constraint of K_t by more than any rounding (``strictly_inside``). Multipliers count
-by a bound that holds for any multipliers (``certified_bound``). Both depend on one formula,
-``rounding``, which leaves room to spare.
+Points and multipliers come from solvers that are only approximate. A point counts once it satisfies
+every constraint of K_t by more than any rounding (``strictly_inside``). Multipliers count by a
+bound that holds for any multipliers (``certified_bound``). Both use the same formula, ``rounding``,
+which leaves room to spare.
 
 Rows are of order one: no entry is larger than 1, and no limit larger than 2. The compiled functions
 take K_t as plain arrays: its margin, ``cuts`` (p, m), which are the rows transposed, and ``limits``
@@ -30,9 +30,9 @@ SMALL = 2.0**-500  # a product of two numbers above this cannot underflow
 
 
 def rounding(p: int, magnitude: Any) -> Any:
-    """Return a bound on the error of a float sum of p products.
+    """Return a bound on the rounding error of a float sum of p products.
 
-    It also covers numbers that underflow (Higham 2002, section 3.1, with room to spare).
+    Underflow is covered too (Higham 2002, section 3.1, with room to spare).
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ rounding_of = compiled(rounding)  # the same, called by compiled code
 
 @compiled
 def score_doubt(p: int, size: float) -> float:
-    """Return more than the rounding error of t.g at a known point.
+    """Return an upper bound on the rounding error of t.g at a known point g.
 
     No entry of t (p,) may exceed ``size``.
     """
@@ -62,9 +62,9 @@ def score_doubt(p: int, size: float) -> float:
 
 @compiled
 def limit_doubt(c: int, p: int, margin: float, limits: Any) -> float:
-    """Return more than the rounding error of constraint c's slack.
+    """Return an upper bound on the rounding error of the slack of constraint c.
 
-    The point must total 1 to within 1e-12. The constraints are those of the order, p of them, then
+    The point must total 1 to within 1e-12. Constraints are numbered: the p of the order first, then
     the rows.
     """
     if c < p:
@@ -76,7 +76,7 @@ def limit_doubt(c: int, p: int, margin: float, limits: Any) -> float:
 
 @compiled
 def slacks_of(g: Any, margin: float, cuts: Any, limits: Any, slack: Any) -> None:
-    """Write the excess of g (p,) over each constraint's limit into ``slack`` (p + m,)."""
+    """Write the slack of g (p,) in each constraint into ``slack`` (p + m,)."""
     p, m = len(g), len(limits)
     for j in range(p):
         slack[j] = g[j] - margin
@@ -104,10 +104,10 @@ def surely_inside(g: Any, margin: float, cuts: Any, limits: Any, slack: Any) -> 
 def pulled_inside(
     g: Any, slack: Any, inside: Any, room: Any, margin: float, cuts: Any, limits: Any, point: Any
 ) -> bool:
-    """Write the mixture of g and a point inside that is nearest to g and certainly in K_t.
+    """Write into ``point`` (p,) a mixture of g and a point inside that is certainly in K_t.
 
-    ``slack`` (p + m,) is g's, and ``room`` (p + m,) that of the point inside. The mixture is
-    written into ``point`` (p,). Return whether floats find one.
+    It is the one nearest to g. ``slack`` (p + m,) are g's slacks, and ``room`` (p + m,) those of
+    the point inside. Return whether floats find a mixture.
     """
     p, share = len(g), 0.0
     for c in range(len(slack)):
@@ -134,9 +134,9 @@ def pulled_inside(
 
 @compiled
 def least_in_order(t: Any, margin: float) -> float:
-    """Return the least t.g over K_0 = {g >= margin, sum g = 1}.
+    """Return the least t.g over all ordered scales, K_0 = {g >= margin, sum g = 1}.
 
-    It is ``scale.order_bounds`` of one row.
+    It is ``scale.order_bounds`` for a single row.
     """
     total, least = 0.0, t[0]
     for j in range(len(t)):
@@ -150,15 +150,16 @@ def least_in_order(t: Any, margin: float) -> float:
 def bound_of(
     rest: Any, y: Any, active: Any, q: int, margin: float, cuts: Any, limits: Any
 ) -> float:
-    """Return a lower bound on t.g over K_t that holds for any multipliers.
+    """Return a lower bound on t.g over K_t that holds for any multipliers y.
 
-    t.g = (t - rows'y).g + y.(rows g) >= min over K_0 of (t - rows'y).g + y.limits, less every
-    rounding. It is -inf if floats overflow.
+    It is weak duality: t.g = (t - rows'y).g + y.(rows g) is at least the minimum of (t - rows'y).g
+    over K_0 plus y.limits. Every rounding error is subtracted. The bound is -inf if floats
+    overflow.
 
-    ``rest`` (p,) holds t on entry. On return it holds the rest t - rows'y. ``active[q]`` (c,) names
-    c constraints, j < p for the order's and p + i for row i. ``y`` (1 + c,) holds the multipliers
-    of the total and of these. Negative ones count as zero. So do the order's, since the closed form
-    over K_0 finds the best ones itself.
+    ``rest`` (p,) holds t on entry, and t - rows'y on return. ``active[q]`` (c,) names c
+    constraints: j < p for g_j >= margin, and p + i for row i. ``y`` (1 + c,) holds the multiplier
+    of sum g = 1 and those of the c constraints. Negative multipliers count as zero. So do those of
+    g_j >= margin, because the minimum over K_0 is computed in closed form.
     """
     p, c = len(rest), active.shape[1]
     size, gained, weight = largest(rest), 0.0, 0.0
@@ -203,9 +204,9 @@ def strictly_inside(g: Floats, region: Region) -> bool:
 
 
 def pull_inside(g: Floats, centre: Floats, region: Region) -> Floats | None:
-    """Return the nearest strictly interior mixture of g and a strictly interior centre, or None.
+    """Return the mixture of g and a centre that is nearest to g and strictly inside, or None.
 
-    The entries of g (p,) total about 1.
+    The centre is strictly inside the region. The entries of g (p,) total about 1.
     """
     arrays, point = _arrays(region), np.empty(region.p)
     slack, room = np.empty((2, region.p + len(region.rhs)))

@@ -2,17 +2,19 @@
 
 ``prove`` tries the proofs in the order that saves most time:
 
-1. one known row lifted over t (dominance after adding an answer),
-2. known points of both signs,
+1. a multiple of one answer's row that lies below t (dominance after adding an answer),
+2. known points of K_t with both signs,
 3. multipliers at the best vertex known,
-4. the closed form over K_0,
-5. a walk from vertex to vertex of K_t (the primal simplex method, started at the best vertex
-   known).
+4. the closed form over K_0, all ordered scales,
+5. a walk from vertex to vertex of K_t (the primal simplex method), from the best vertex known.
 
 A walk ends at a point that shows t.g < 0, or at multipliers y >= 0. If the multipliers' bound, less
-every rounding, is positive, it shows t.g > 0. If no proof shows a sign, the difference is left
-LEFT_OPEN. Nothing here is a guess, and nothing kept between two calls changes a verdict. Dominance
-is tested before all of this.
+every rounding, is positive, it shows t.g > 0. If no proof shows a sign, the difference is
+LEFT_OPEN. All verdicts are proven, and none depends on what earlier calls have stored. The caller
+tests dominance before all of this.
+
+A *certificate* is a vector f (p,) below t with f.g >= 0 on K_t. It shows the same verdict for all
+tail sums above f.
 """
 
 import math
@@ -50,13 +52,12 @@ def prove(t: Any, certificate: Any, known: Known, verdicts: Any, tiers: Any) -> 
     """Decide the sign of t.g over K_t for each row of tail sums t (n, p) whose verdict is UNKNOWN.
 
     Verdicts (n,) and tiers (n,) are written into the last two arguments. A verdict is LEFT_OPEN if
-    no proof is found. Many rows share one call, because handing over ``known`` takes as long as a
-    cheap proof.
+    no proof is found. Pass many rows in a call, because passing ``known`` takes as long as a cheap
+    proof.
 
-    ``certificate`` is (p,) if there is one row and a certificate is wanted, else (0,). The
-    certificate f that is written into it has f.g >= 0 on K_t and lies below t times the verdict. If
-    one is wanted, the proofs that give wide certificates come first. Return whether one was
-    written.
+    If t has a single row, a certificate (see the module) can be written into ``certificate`` (p,).
+    The proofs that give far-reaching certificates then come first. Give an array (0,) if you want
+    none. Return whether a certificate was written.
     """
     margin, inside, counts = known.margin, known.inside, known.counts
     rows, lifted, masks = known.rows, known.lifted, known.masks
@@ -111,7 +112,7 @@ def prove(t: Any, certificate: Any, known: Known, verdicts: Any, tiers: Any) -> 
 
 @compiled
 def sign_of(t: Any, known: Known) -> int:
-    """Return the verdict (or LEFT_OPEN) on tail sums t (p,), dominance included."""
+    """Return the verdict on tail sums t (p,), dominance included; it may be LEFT_OPEN."""
     verdicts, tiers = np.empty(1, dtype=np.int8), np.empty(1, dtype=np.int8)
     verdicts[0] = by_dominance(t)
     prove(t.reshape(1, len(t)), np.empty(0), known, verdicts, tiers)
@@ -122,13 +123,15 @@ def sign_of(t: Any, known: Known) -> int:
 def by_known_vertices(
     t: Any, doubt: float, side: int, used: int, vertices: Any, at: Any, y: Any, rest: Any
 ) -> tuple[int, int]:
-    """Return the verdict that the known vertices with least and greatest t.g prove, and a vertex.
+    """Return the verdict proven by the known vertices with the least and the greatest t.g.
 
-    If the two have both signs, the result is (UNKNOWN, NOWHERE). Otherwise one of them may prove to
-    be the best of all. ``vertices`` are the arrays of ``Known`` about vertices, of which ``used``
-    are in use. ``side`` is the certain sign of t.g at the inner point, else 0. ``at`` (>= used,)
-    receives t.g at each vertex. If a vertex proves the verdict, its multipliers are written into
-    ``y`` (p,), and the part of +-t that they leave into ``rest`` (p,).
+    If t.g has both signs there, the result is (UNKNOWN, NOWHERE). Otherwise one of the two vertices
+    may prove to be the best of all; its number is then the second result.
+
+    ``vertices`` are the arrays of ``Known`` about vertices, of which ``used`` are in use. ``side``
+    is the certain sign of t.g at the inner point, else 0. ``at`` (>= used,) receives t.g at each
+    vertex. If a vertex proves the verdict, its multipliers are written into ``y`` (p,), and the
+    remainder of +-t into ``rest`` (p,).
     """
     margin, cuts, limits, points, inverses, active, kind = vertices
     above, below = signs_at_points(t, doubt, side, points, kind, at[:used])
@@ -151,7 +154,7 @@ def by_known_vertices(
 def signs_together(
     t: Any, doubt: float, side: int, points: Any, kind: Any, at: Any
 ) -> tuple[bool, bool]:
-    """Return the signs of ``signs_at_points``, computed for all points at once."""
+    """Return the result of ``signs_at_points``, computed for all points at once."""
     at[:] = 0.0
     for j in range(len(t)):
         at += points[j, : len(at)] * t[j]
@@ -163,10 +166,10 @@ def signs_together(
 def signs_at_points(
     t: Any, doubt: float, side: int, points: Any, kind: Any, at: Any
 ) -> tuple[bool, bool]:
-    """Return whether t.g is certainly positive at some known point, and certainly negative at one.
+    """Return whether t.g is certainly positive at a known point, and certainly negative at one.
 
-    ``side`` is its sign at one of them, or 0. t.g at each of the points (p, >= q) is written into
-    ``at`` (q,).
+    ``side`` is its sign at some point known already, or 0. t.g at each of the points (p, >= q) is
+    written into ``at`` (q,).
     """
     used = len(at)
     for q in range(used):
@@ -186,7 +189,7 @@ def signs_at_points(
 def outermost(at: Any, kind: Any, with_basis: bool) -> tuple[int, int]:
     """Return the places of the least and the greatest number in at (q,), or NOWHERE.
 
-    If ``with_basis``, only points with a basis count.
+    If ``with_basis``, only points that have a basis (exact vertices) count.
     """
     lowest, highest = NOWHERE, NOWHERE
     for q in range(len(at)):
@@ -201,9 +204,9 @@ def outermost(at: Any, kind: Any, with_basis: bool) -> tuple[int, int]:
 
 @compiled
 def search(t: Any, known: Known) -> tuple[int, int]:
-    """Return the verdict and tier of tail sums t (p,) of order 1.
+    """Return the verdict and tier for tail sums t (p,), of order 1, by the costlier proofs.
 
-    They come from the closed form over K_0 and from walks between vertices.
+    These are the closed form over all ordered scales, and walks from vertex to vertex of K_t.
     """
     if known.margin == 0.0 and len(known.limits) == 0:
         return UNKNOWN, BY_SCREEN
@@ -243,7 +246,7 @@ def search(t: Any, known: Known) -> tuple[int, int]:
 
 @compiled
 def side_of(t: Any, g: Any, doubt: float) -> int:
-    """Return the certain sign of t.g at a point g, else 0."""
+    """Return the sign of t.g at a point g if it is certain in spite of rounding, else 0."""
     at = 0.0
     for j in range(len(t)):
         at += t[j] * g[j]
@@ -254,9 +257,10 @@ def side_of(t: Any, g: Any, doubt: float) -> int:
 
 @compiled
 def lifting_row(t: Any, side: int, rows: Any, lifted: Any, masks: Any, counts: Any) -> int:
-    """Return a known row w with side * t >= lambda w for some lambda >= 0, or NOWHERE.
+    """Return the number of a known row w that proves side * t.g >= 0, or NOWHERE.
 
-    The row that was found last time is tried first. ``counts`` remembers it.
+    It does if side * t >= lambda w for some lambda >= 0, because w.g >= 0 on K_t. The row that was
+    found last time, which ``counts`` remembers, is tried first.
     """
     negative = np.uint64(0)  # w can only help if it is negative at every entry where side * t is
     for j in range(min(len(t), 64)):
@@ -274,9 +278,9 @@ def lifting_row(t: Any, side: int, rows: Any, lifted: Any, masks: Any, counts: A
 
 @compiled
 def lifts(t: Any, side: int, row: int, rows: Any, lifted: Any) -> bool:
-    """Return whether side * t >= lambda w, rounding included, for row w.
+    """Return whether side * t >= lambda w for a row w, rounding included.
 
-    Lambda is the least number that lifts the negative entries.
+    Lambda is the least number that makes this true at the negative entries of side * t.
     """
     least = 0.0
     for j in range(len(t)):
@@ -297,9 +301,10 @@ def lifts(t: Any, side: int, row: int, rows: Any, lifted: Any) -> bool:
 
 @compiled
 def below_by_row(t: Any, side: int, row: int, rows: Any, lifted: Any, certificate: Any) -> bool:
-    """Write a certificate from the row that decided t.
+    """Write a certificate from a row w that decided t: a multiple of w.
 
-    It is the middle one of the row's multiples that lie below side * t. Return whether it holds.
+    Of the multiples that lie below side * t it is the middle one. Return whether it does, rounding
+    included.
     """
     least, most = 0.0, math.inf
     for j in range(len(t)):
@@ -324,10 +329,11 @@ def below_by_row(t: Any, side: int, row: int, rows: Any, lifted: Any, certificat
 def below_by_vertex(
     t: Any, side: int, y: Any, rest: Any, vertex: int, known: Known, certificate: Any
 ) -> bool:
-    """Write a certificate from the multipliers y (p,) of a vertex.
+    """Write a certificate from the multipliers y (p,) of a vertex that decided t.
 
-    The multipliers leave ``rest`` (p,) of side * t. The certificate allows that rest to fall to
-    almost nothing: what is left exceeds every rounding. Return whether there is a certificate.
+    Side * t is a combination of rows, with these multipliers, plus ``rest`` (p,). The certificate
+    is the combination, plus just enough to exceed every rounding. Return whether there is a
+    certificate.
     """
     p = len(t)
     size, gained, weight, least = largest(t), 0.0, 0.0, rest[0]

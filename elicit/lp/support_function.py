@@ -1,12 +1,12 @@
-"""The support function of K_t: the greatest t.g for many t at once, in code numba can compile.
+"""The support function of K_t: the greatest t.g for many t at once, in compilable code.
 
-Each maximum starts at the best vertex known and walks on from there (``walk``). The result of
-``greatest`` is not a vertex's value. It is the bound that the vertex's multipliers prove, rounding
-included.
+Each maximum is searched by a walk from vertex to vertex (``walk``), from the best vertex known.
+``greatest`` does not return the last vertex's value, but the bound that its multipliers prove,
+rounding included.
 
-``greatest_beside`` tells what the maxima would be if K_t were cut in two. It proves nothing and
-serves to choose cuts. A maximum stays the same in one of the two parts. In the other one the dual
-simplex method finds it from there in a few steps. K_t itself is not cut.
+``greatest_beside`` returns what the maxima would be if a question cut K_t in two. It proves
+nothing, and serves to choose questions. In one of the two parts the maximum is the same as in K_t.
+In the other one the dual simplex method finds it in a few steps. K_t itself is not cut.
 """
 
 import math
@@ -39,9 +39,9 @@ OUTSIDE = 1e-11  # a vertex that violates a constraint by at most this lies in K
 
 
 def greatest(d: Floats, known: Known) -> tuple[Floats, Floats]:
-    """Return upper bounds (n,) on d.e over K_t, and d.e (n,) where the walks ended.
+    """Return upper bounds (n,) on d.e over K_t, and d.e (n,) at the points where the walks ended.
 
-    Where the two are the same, the bound is tight.
+    If the two numbers are the same, the bound is tight.
 
     Parameters
     ----------
@@ -68,10 +68,10 @@ def greatest(d: Floats, known: Known) -> tuple[Floats, Floats]:
 
 @compiled
 def greatest_all(t: Any, known: Known, high: Any, reached: Any) -> None:
-    """Lower each upper bound (n,) on t.g, t (n, p), to the one that the best vertex proves.
+    """Lower upper bounds (n,) on t.g, for t (n, p), to those that the best vertices prove.
 
-    The bound follows from the vertex's multipliers. If the vertex lies in K_t up to rounding, its
-    t.g is written into ``reached`` (n,).
+    A bound follows from the vertex's multipliers. If the vertex lies in K_t up to rounding, its t.g
+    is written into ``reached`` (n,).
     """
     n, p = t.shape
     s, rest, y, g = np.empty(p), np.empty(p), np.empty(p), np.empty(p)
@@ -113,16 +113,16 @@ def greatest_all(t: Any, known: Known, high: Any, reached: Any) -> None:
 
 
 def greatest_beside(d: Floats, asked: Floats, known: Known, enough: Floats) -> Floats:
-    """Return about the greatest d.e over each of the two parts into which a question divides K_t.
+    """Return roughly the greatest d.e over each of the two parts into which a question cuts K_t.
 
     Parameters
     ----------
     d : (n, k)
     asked : (c, k)
-        The parts are those where asked.e <= 0 and where asked.e >= 0.
+        The questions. The parts are asked.e <= 0 and asked.e >= 0.
     known : Known
     enough : (n,)
-        A maximum up to this number need not be exact. Any number up to this may stand for it.
+        A maximum up to this number may be replaced by any number up to it.
 
     Returns
     -------
@@ -143,9 +143,10 @@ def greatest_beside(d: Floats, asked: Floats, known: Known, enough: Floats) -> F
 
 @compiled
 def _divide(t: Any, asked: Any, known: Known, divided: Known, enough: Any, out: Any) -> None:
-    """Write the greatest t.g, t (n, p), over the parts made by rows ``asked`` (c, p) into ``out``.
+    """Write the greatest t.g, for t (n, p), over the parts that rows ``asked`` (c, p) make.
 
-    ``divided`` is K_t with one more row, the one that makes the part.
+    ``divided`` is K_t with an additional row, the one that makes the part. ``out`` receives the
+    numbers.
     """
     (n, p), m = t.shape, len(known.limits)
     s, y, g = np.empty(p), np.empty(p), np.empty(p)
@@ -200,11 +201,11 @@ def _divide(t: Any, asked: Any, known: Known, divided: Known, enough: Any, out: 
 def _least_beyond(
     s: Any, inverse: Any, active: Any, least: float, slack: Any, known: Known, enough: float
 ) -> float:
-    """Return about the least s.g over K_t by the dual simplex method, or inf if K_t is empty.
+    """Return roughly the least s.g over K_t by the dual simplex method, or inf if K_t is empty.
 
-    It starts from a basis, in ``inverse`` (1, p, p) and ``active`` (1, p - 1), whose multipliers
-    are not negative. The basis's vertex has the value ``least`` and these slacks (p + m,). The
-    search ends as soon as the least is at least ``enough``.
+    It starts from a basis whose multipliers are not negative: ``inverse`` (1, p, p) and ``active``
+    (1, p - 1). The basis's vertex has the value ``least`` and these slacks (p + m,). The search
+    ends as soon as the value is at least ``enough``.
     """
     p = len(s)
     y, w, rate = np.empty(p), np.empty(p), np.empty(len(slack))

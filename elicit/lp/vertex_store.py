@@ -1,7 +1,7 @@
-"""The upkeep of the facts about K_t: made from a region, cut by answers, pruned of redundant rows.
+"""The upkeep of facts about K_t: made from a region, cut by answers, without redundant rows.
 
 All functions work on the arrays of ``primal_simplex.Known``. A cut makes new arrays, so that an
-older comparator still answers as before. A compiled loop can make the usual cut by itself
+older comparator still decides as before. A compiled loop can make the usual kind of cut by itself
 (``cut_at_once``).
 """
 
@@ -50,9 +50,10 @@ UNOPPOSED = 2.0 * NEAR
 
 
 def start(region: Region) -> Known:
-    """Return the facts known before any comparison.
+    """Return the facts about a region that are known before any comparison.
 
-    They are the region's rows, and the vertices of K_0 that lie in the region.
+    They are the region's rows, and those vertices of K_0, all ordered scales, that lie in the
+    region.
     """
     p, rows, limits = region.p, region.rows, region.rhs
     vertices = max(8, min(MOST_VERTICES, MOST_NUMBERS // (p * p)))
@@ -68,7 +69,7 @@ def start(region: Region) -> Known:
 
 
 def _cut_of_arrays(known: Known, row: Floats, limit: float) -> Known:
-    """Return ``cut``, computed with whole arrays."""
+    """Compute ``cut`` with whole arrays in NumPy."""
     given, limits = len(known.limits), np.array([limit])
     new = _with_rows(known, row[None], limits)
     stays = np.empty(known.counts[USED], dtype=np.bool_)
@@ -88,10 +89,10 @@ def _cut_of_arrays(known: Known, row: Floats, limit: float) -> Known:
 
 @compiled_beside(_cut_of_arrays)
 def cut(known: Known, row: Any, limit: float) -> Known:
-    """Return the facts known of K_t cut by one more row (p,), row.g >= limit.
+    """Return the facts about K_t after a cut: row.g >= limit, for a row (p,).
 
-    All rows that held still hold. The vertices that the new row cannot cut off stay. The inner
-    point is still the old one: call ``recentre`` or ``refresh``.
+    All known rows still hold. Vertices stay if the cut certainly keeps them. The inner point is not
+    updated: call ``recentre`` or ``refresh``.
     """
     (p, m), r, slots = known.cuts.shape, len(known.masks), len(known.kind)
     new = Known(
@@ -138,10 +139,10 @@ def cut(known: Known, row: Any, limit: float) -> Known:
 def cut_at_once(known: Known, row: Any) -> tuple[bool, Known]:
     """Return whether a row (p,), row.g >= 0, makes a usual cut, and the facts after it.
 
-    If it does not, they are the facts before. After a usual cut they are those that
-    ``PlausibleSet.cut`` would have, short of pruning. An unusual cut needs Python: the row already
-    decides something, or floats find no inner point or no vertex to start walks from, or an earlier
-    answer may say the opposite.
+    If it does not, the facts are returned unchanged. After a usual cut they are those that
+    ``PlausibleSet.cut`` would have, before redundant rows are removed. An unusual cut needs Python:
+    the row already decides something, or floats find no inner point or no vertex to start walks
+    from, or an earlier answer may be the opposite.
     """
     if sign_of(row, known) != UNKNOWN:
         return False, known
@@ -162,7 +163,7 @@ def cut_at_once(known: Known, row: Any) -> tuple[bool, Known]:
 
 @compiled
 def copy_vertex(known: Known, q: int, new: Known, n: int) -> None:
-    """Store the vertex of one number as that of another number, among other facts."""
+    """Copy the vertex in place q to place n of other facts, ``new``."""
     for j in range(known.inverses.shape[1]):
         new.points[j, n] = known.points[j, q]
         for i in range(known.inverses.shape[2]):
@@ -182,10 +183,10 @@ def refresh(known: Known, region: Region) -> Known:
 
 @compiled
 def beyond_doubt(known: Known, row: Any, limit: float, stays: Any) -> None:
-    """Mark the vertices (q,) that a new row cannot cut off.
+    """Mark the vertices (q,) that a new row cannot cut off: row.g >= limit there, beyond rounding.
 
-    Their points have row.g >= limit beyond doubt. A vertex of which only the basis counts stays if
-    it does not violate the row by more than 1e-9.
+    A vertex whose point is doubtful, so that only its basis counts, stays if it does not violate
+    the row by more than 1e-9.
     """
     p = len(row)
     for q in range(len(stays)):
@@ -200,18 +201,18 @@ def beyond_doubt(known: Known, row: Any, limit: float, stays: Any) -> None:
 
 @compiled
 def know_rows(known: Known, rows: Any, limits: Any) -> None:
-    """Replace the known rows by those that follow from rows.g >= limits, rows (r, p)."""
+    """Replace the known rows by those that follow from rows.g >= limits, for rows (r, p)."""
     for i in range(len(limits)):
         know_row(known, i, rows[i], limits[i])
 
 
 @compiled
 def know_row(known: Known, place: int, row: Any, limit: float) -> None:
-    """Enter a known row w (p,) with w.g >= 0 in its place, with its mask.
+    """Store a row w (p,) with w.g >= 0 on K_t in a place, with the bit mask of its signs.
 
-    It follows from row.g >= limit and sum g = 1, rounded up where rounding is needed. It has a
-    lifted version: a little larger where w is negative, and larger still where w is positive. So t
-    >= lambda times the lifted row implies t >= lambda (1 + 2^-48) w.
+    w follows from row.g >= limit and sum g = 1, and is rounded up if needed. A second version,
+    ``lifted``, is slightly larger in size at every entry: for it t >= lambda * lifted, computed in
+    floats, implies t >= lambda w.
     """
     mask, tiny = np.uint64(0), False
     for j in range(len(row)):
@@ -233,9 +234,9 @@ def know_row(known: Known, place: int, row: Any, limit: float) -> None:
 def recentre(known: Known, row: Any, limit: float) -> bool:
     """Move the inner point to the right side of a new row, and return whether that succeeded.
 
-    The old inner point is first moved across the cut, towards the mean of the known points.
-    Half-way between the two is tried first, then the mean itself. The result is False if neither is
-    certainly inside.
+    The old inner point is first moved across the cut, towards the mean of the known points. The
+    point half-way between the two is tried first, then the mean itself. The result is False if
+    neither is certainly inside.
     """
     p, n = len(known.inside), 0
     mean = np.zeros(p)
@@ -270,7 +271,7 @@ def recentre(known: Known, row: Any, limit: float) -> bool:
 
 @compiled
 def add_point(known: Known, g: Any) -> None:
-    """Store a point of K_t, each component of which is right to its last bits."""
+    """Store a point of K_t, each component of which is exact up to its last bits."""
     q = next_slot(known)
     for j in range(len(g)):
         known.points[j, q] = g[j]
@@ -286,8 +287,8 @@ def has_point(known: Known) -> bool:
 def prune(known: Known, region: Region) -> tuple[Known, Region]:
     """Return the same set without the rows that follow from the others.
 
-    These rows stay among the rows that are known to hold. Vertices that depend on them lose their
-    basis.
+    These rows are still used in proofs, since they hold on K_t. Vertices that depend on them lose
+    their basis.
     """
     out = redundant(known)
     if not out.any():
@@ -311,12 +312,12 @@ def prune(known: Known, region: Region) -> tuple[Known, Region]:
 
 
 def add_row(known: Known, row: Floats) -> Known:
-    """Store that row.g >= 0 on K_t."""
+    """Return the facts with one more known row: row.g >= 0 on K_t."""
     return _with_latest_rows(known, np.concatenate([known.rows, row[None, :]]))
 
 
 def add_vertex(known: Known, basis: tuple[int, ...]) -> None:
-    """Store the vertex with these active constraints, if floats can invert them."""
+    """Store the vertex with these active constraints, if floats can invert their matrix."""
     p = len(known.inside)
     active, inverse = np.array(basis, dtype=np.int64), np.zeros((p, p))
     g, slack = np.zeros(p), np.zeros(len(known.room))
@@ -327,7 +328,7 @@ def add_vertex(known: Known, basis: tuple[int, ...]) -> None:
 
 
 def _with_rows(known: Known, rows: Floats, limits: Floats) -> Known:
-    """Return a copy with other known rows, from rows.g >= limits for rows (r, p)."""
+    """Return a copy whose known rows follow from rows.g >= limits, for rows (r, p)."""
     known = known._replace(
         rows=np.empty(rows.shape), lifted=np.empty(rows.shape), masks=np.empty(len(rows), np.uint64)
     )
@@ -341,9 +342,9 @@ def _inserted(array: NDArray[Any], at: int, part: NDArray[Any]) -> NDArray[Any]:
 
 
 def _with_latest_rows(known: Known, rows: Floats) -> Known:
-    """Return a copy with the latest of these known rows (r, p).
+    """Return a copy with these known rows (r, p); if there are too many, the oldest are dropped.
 
-    The region's own rows come first and all stay. Only the latest of the others do.
+    The region's own rows come first and all stay.
     """
     given = len(known.limits)
     rows = np.concatenate([rows[:given], rows[given:][-MOST_ROWS:]])
@@ -351,7 +352,7 @@ def _with_latest_rows(known: Known, rows: Floats) -> Known:
 
 
 def _only_vertices(known: Known, stay: NDArray[np.intp]) -> Known:
-    """Return a copy with only the vertices of these numbers."""
+    """Return a copy with only the vertices in these places."""
     n = len(stay)
     points, inverses = np.zeros_like(known.points), np.empty_like(known.inverses)
     active, kind, age = (
@@ -381,6 +382,6 @@ def _recentre_dearly(known: Known, region: Region) -> None:
 
 
 def _find_some_vertex(known: Known, region: Region) -> None:
-    """Store a vertex to start walks from, if there is none and floats find one."""
+    """Store a vertex to start walks from, if there is none yet and floats find one."""
     if region.p > 1 and not (known.kind[: known.counts[USED]] != CERTAIN_POINT).any():
         add_vertex(known, minimise(np.zeros(region.p), region).basis)

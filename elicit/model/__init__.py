@@ -1,4 +1,4 @@
-"""The words that everything uses: scales, queries, answers, verdicts, and protocols.
+"""The basic types that everything uses: scales, queries, answers, verdicts, and protocols.
 
-Imports from ``_support``.
+This folder imports from ``_support``.
 """

@@ -24,7 +24,7 @@ File = str | os.PathLike[str] | TextIO
 
 
 class AnswerColumns(NamedTuple):
-    """The answers in a CSV file: d (n, k), y (n,), and a row's id and person."""
+    """The contents of a CSV file of answers: d (n, k), y (n,), and each row's id and person."""
 
     d: Floats
     y: NDArray[np.int8]
@@ -33,7 +33,7 @@ class AnswerColumns(NamedTuple):
 
 
 def read_csv(file: File, k: int | None = None) -> AnswerColumns:
-    """Read the answers in a CSV file; see ``Answers.from_csv``."""
+    """Read the answers in a CSV file, as ``Answers.from_csv`` describes it."""
     with _opened(file, "r") as text:
         name = str(getattr(text, "name", "the file"))
         # spreadsheets put a byte order mark at the beginning
@@ -89,9 +89,9 @@ def write_csv(
     ids: Sequence[str],
     who: Sequence[str | None],
 ) -> None:
-    """Write the columns id, d_1, ..., d_k, answer, and who if any row names a person.
+    """Write the columns id, d_1, ..., d_k and answer, and the column who if any row names a person.
 
-    Python writes floats so that they read back to the last bit.
+    Python writes floats so that reading gives the same number to the last bit.
     """
     named = any(name is not None for name in who)
     with _opened(file, "w") as text:
@@ -103,9 +103,9 @@ def write_csv(
 
 
 def _level_columns(names: list[str], k: int | None, where: str) -> list[list[int]]:
-    """Return the places of d_1, ..., d_k.
+    """Return the column numbers of d_1, ..., d_k.
 
-    Without these, return those of left_1, ..., left_k and of right_1, ..., right_k.
+    If there are none, return those of left_1, ..., left_k and of right_1, ..., right_k.
     """
     if twice := sorted({name for name in names if name and names.count(name) > 1}):
         raise ValueError(f"{where} names the column {twice[0]!r} twice")
@@ -163,7 +163,7 @@ def _number(cell: str, column: str, where: str) -> float:
 
 
 def _opened(file: File, mode: Literal["r", "w"]) -> AbstractContextManager[TextIO]:
-    """The file as text; one given open stays open."""
+    """Return the file opened as text. A file that the caller has opened stays open afterwards."""
     if isinstance(file, (str, os.PathLike)):
         return open(file, mode, encoding="utf-8", newline="")
     return nullcontext(file)

@@ -1,6 +1,6 @@
 """The Comparator protocol, the tiers of a decision, and the table from signs to verdicts.
 
-What a comparator may have beside is in ``comparator_parts``.
+A comparator's optional parts are described in ``comparator_parts``.
 """
 
 from enum import IntEnum
@@ -38,17 +38,16 @@ TIE = 0.01
 """Default of the largest |d.e| that a tutor may call equal, as a share of the value range."""
 
 ALLOWANCE = 2.0
-"""Guarantees hold also where the tutor calls equal what is up to so many ties apart: people do not
-know their own.
-"""
+"""Guarantees hold even if the tutor calls equal two things up to this many ties apart, because
+people do not know their own tie."""
 
 BY_ANSWERS = (Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT, Tier.MODEL)
 """The tiers that depend on the tutor's answers."""
 
 
 WRONG_ODDS = 0.1
-"""Odds of a wrong answer against a right one, by which questions are chosen where some answers may
-be wrong. No proof depends on them: benchmarks/RESULTS-wrong.md has tutors of several kinds."""
+"""Odds of a wrong answer against a right one, by which questions are chosen if some answers may be
+wrong. No proof depends on them: benchmarks/RESULTS-wrong.md has tutors of several kinds."""
 
 
 _MEMBERS = ("k", "values", "bounds", "compare", "update")
@@ -56,12 +55,10 @@ _MEMBERS = ("k", "values", "bounds", "compare", "update")
 
 @runtime_checkable
 class Comparator(Protocol):
-    """A comparator: what is known of the scale so far.
+    """A comparator: it holds what is known of the scale so far, and decides comparisons.
 
-    A frozen value: ``update`` returns a new one.
-
-    A comparator needs no more than these five members. ``OPTIONAL_PARTS`` lists what is used beyond
-    them.
+    It is a frozen value: ``update`` returns a new one. Only these five members are required.
+    ``OPTIONAL_PARTS`` lists what else is used if it is there.
     """
 
     @property
@@ -70,10 +67,10 @@ class Comparator(Protocol):
 
     @property
     def values(self) -> Floats:
-        """(k,) best single guess at the scale, from 0 to 1."""
+        """The best single guess at the scale (k,), from 0 to 1."""
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Return the least and the greatest plausible d.e.
+        """Return the least and the greatest plausible d.e of differences.
 
         Parameters
         ----------
@@ -88,8 +85,8 @@ class Comparator(Protocol):
     def compare(self, d: ArrayLike) -> Verdicts:
         """Return verdicts on differences.
 
-        Totals are not checked: what two vectors differ by in total counts as time at level 1, which
-        is worth nothing.
+        Totals are not checked. If the totals of two vectors differ, the missing part counts as time
+        at level 1, which is worth nothing.
 
         Parameters
         ----------
@@ -121,15 +118,14 @@ class Comparator(Protocol):
 
 
 class Decisions(NamedTuple):
-    """The verdicts of n differences, and the step that decided each.
+    """The verdicts on n differences, and the tier (kind of proof) that decided each.
 
     Attributes
     ----------
     verdicts : ndarray
         (n,) codes of ``Verdict`` as int8.
     tiers : ndarray
-        (n,) codes of ``Tier`` as int8, the step that decided each. They mean nothing where the
-        verdict is UNKNOWN.
+        (n,) codes of ``Tier`` as int8. If the verdict is UNKNOWN, the tier means nothing.
     """
 
     verdicts: Verdicts
@@ -137,11 +133,11 @@ class Decisions(NamedTuple):
 
 
 def offers(comparator: object, member: str) -> bool:
-    """Return whether a comparator has an optional member, without computing it.
+    """Return whether a comparator has an optional member, without computing the member.
 
-    A member that is None counts as missing. ``isinstance`` with a runtime Protocol will not do.
-    Before Python 3.12 it reads all members, and so computes a property such as ``draws``. It reads
-    them in an order that changes from process to process.
+    A member that is None counts as missing. ``isinstance`` with a runtime Protocol is no
+    substitute: before Python 3.12 it reads all members, and so computes a property such as
+    ``draws``, in an order that changes from process to process.
     """
     kind = type(comparator)
     if (
@@ -154,17 +150,14 @@ def offers(comparator: object, member: str) -> bool:
 
 
 def is_comparator(thing: object) -> TypeGuard[Comparator]:
-    """Return whether a thing has the five members that every comparator has.
-
-    Computes none of them.
-    """
+    """Return whether an object has the five members of a comparator, without computing them."""
     return not isinstance(thing, type) and all(offers(thing, member) for member in _MEMBERS)
 
 
 def bounds_of(comparator: Comparator, d: Floats) -> tuple[Floats, Floats]:
-    """``comparator.bounds(d)`` of differences d (n, k).
+    """Return ``comparator.bounds(d)`` of differences d (n, k), after a check.
 
-    Raises TypeError unless it is lo (n,) <= hi (n,), no nan.
+    Raises TypeError unless they are lo (n,) <= hi (n,), without nan.
     """
     found = comparator.bounds(d)
     try:
@@ -185,10 +178,10 @@ def bounds_of(comparator: Comparator, d: Floats) -> tuple[Floats, Floats]:
 def learn(
     comparator: Comparator, answers: Answers, one_by_one: bool
 ) -> tuple[Comparator, NDArray[np.bool_]]:
-    """The comparator after these answers, and which (n,) of them it took.
+    """Return the comparator after these answers, and flags (n,) of those that it learned.
 
-    Where they contradict each other, with ``one_by_one`` without those that contradict the ones
-    before; else raises InconsistentAnswers.
+    If they contradict each other, InconsistentAnswers is raised. With ``one_by_one``, each answer
+    that contradicts the ones before is left out instead.
     """
     taken = np.ones(len(answers), dtype=np.bool_)
     try:
@@ -212,7 +205,10 @@ def learn(
 
 
 def verdicts_from(least: NDArray[np.floating], greatest: NDArray[np.floating]) -> Verdicts:
-    """The only table from the signs of the least and the greatest plausible d.e to a verdict."""
+    """Return the verdict for the signs of the least and the greatest plausible d.e.
+
+    Everything that makes such verdicts uses this table.
+    """
     out = np.full(np.shape(least), Verdict.UNKNOWN, dtype=np.int8)
     out[(least >= 0) & (greatest > 0)] = Verdict.BETTER
     out[(greatest <= 0) & (least < 0)] = Verdict.WORSE
@@ -221,7 +217,7 @@ def verdicts_from(least: NDArray[np.floating], greatest: NDArray[np.floating]) -
 
 
 def check_levels(k: int) -> int:
-    """K as an int, at least 2; raises ValueError."""
+    """Return the number of levels k as an int, at least 2. Raises ValueError."""
     if not is_whole(k, 2):
         raise ValueError(
             f"k, the number of levels, must be a whole number of at least 2, not {k!r}"
@@ -230,7 +226,7 @@ def check_levels(k: int) -> int:
 
 
 def check_tie(tie: float) -> float:
-    """A tie as a float, at least 0 and below 1; raises ValueError."""
+    """Return a tie as a float, at least 0 and below 1. Raises ValueError."""
     wanted = "a share of the value range, at least 0 and below 1 (0: equal means equal)"
     require(
         is_number(tie, 0) and tie < 1,
@@ -242,9 +238,9 @@ def check_tie(tie: float) -> float:
 
 
 def check_comparator_made(comparator: Comparator) -> None:
-    """Raise TypeError for anything but a comparator, and say what it lacks.
+    """Raise TypeError unless the object is a comparator, and say what it lacks.
 
-    The class of one is no comparator.
+    A comparator's class, without the call that makes one, is no comparator.
     """
     lacking = sorted(set(_MEMBERS) - set(dir(comparator)))
     if isinstance(comparator, type) or lacking:
@@ -255,10 +251,7 @@ def check_comparator_made(comparator: Comparator) -> None:
 
 
 def check_answers(answers: Answers, k: int) -> Answers:
-    """Raise TypeError for anything but Answers.
-
-    Raises ValueError if they are not about k levels.
-    """
+    """Return the answers. Raise TypeError if they are not Answers, ValueError unless k levels."""
     if not isinstance(answers, Answers):
         raise TypeError(
             f"update takes Answers, not {answers!r}: Answers.of(list_of_answers, k) makes them"

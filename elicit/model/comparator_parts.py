@@ -1,6 +1,6 @@
 """The optional parts of a comparator: their table, their protocols, and functions that read them.
 
-A function that reads a part says what counts where it is missing.
+Each function says what it returns if the part is missing.
 """
 
 from collections.abc import Sequence
@@ -17,10 +17,7 @@ from elicit.model.scale import Floats, order_bounds
 
 @runtime_checkable
 class BoundsAllAtOnce(Protocol):
-    """A comparator whose bounds can guarantee a policy.
-
-    It has a set of scales that holds the true one.
-    """
+    """A comparator with bounds that hold together, and so can guarantee a policy."""
 
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
         """Return upper bounds on d.e that hold for all rows at once, and their confidence.
@@ -34,33 +31,33 @@ class BoundsAllAtOnce(Protocol):
         -------
         hi : (n,) in units of e_k - e_1
         confidence : float
-            The probability that they hold: 1 if it is certain as long as the answers are right, nan
-            if none can be stated.
+            The probability that all of them hold. It is 1 if they are certain as long as the
+            answers are right, and nan if no probability can be stated.
         """
 
 
 @runtime_checkable
 class BoundsWhatMatters(Protocol):
-    """A comparator that bounds differences faster where only great bounds matter."""
+    """A comparator that saves time if only bounds above some number must be exact."""
 
     def bounds_above(self, d: ArrayLike, enough: ArrayLike) -> tuple[Floats, float]:
-        """Return ``simultaneous_bounds`` of d (n, k), of which those up to ``enough`` may be loose.
+        """Return ``simultaneous_bounds`` of d (n, k), but bounds up to ``enough`` may be loose.
 
-        A bound up to ``enough``, one number or (n,), may be any upper bound on d.e up to that. The
-        confidence is that of ``simultaneous_bounds``.
+        ``enough`` is a number or (n,). If the exact bound is at most this, the result may be any
+        number between the two. The confidence is that of ``simultaneous_bounds``.
         """
 
 
 @runtime_checkable
 class ForeseesBounds(Protocol):
-    """A comparator that says what an answer would leave without being told it."""
+    """A comparator that can say which bounds an answer would leave, without learning the answer."""
 
     def bounds_after(self, asked: ArrayLike, d: ArrayLike, enough: ArrayLike) -> Floats:
-        """Return about the simultaneous bounds on d.e that each answer would leave.
+        """Return roughly the simultaneous bounds on d.e that there would be after each answer.
 
-        They are (c, 2, n) for c questions ``asked`` (c, k), the answers worse and better, and n
-        differences d (n, k); -inf if the answer contradicts what is known. A bound up to
-        ``enough``, one number or (n,), may be any number up to that.
+        The result is (c, 2, n), for c questions ``asked`` (c, k), the answers worse and better, and
+        n differences d (n, k). A bound is -inf if the answer contradicts earlier ones. If a bound
+        is at most ``enough``, a number or (n,), any number up to ``enough`` may take its place.
         """
 
 
@@ -69,18 +66,17 @@ class PredictsAnswers(Protocol):
     """A comparator with a model of the tutor's next answer."""
 
     def probability(self, d: ArrayLike) -> Floats | tuple[Floats, ...]:
-        """Return the probability (n,) that the tutor says left is better.
+        """Return the probability (n,) that the tutor says left is better, for d (n, k).
 
-        The differences d are (n, k). Of several arrays, such as the ends of an interval, the last
-        is the best guess.
+        If there are several arrays, such as the ends of an interval, the last is the best guess.
         """
 
 
 class Part(NamedTuple):
-    """An optional part of a comparator.
+    """An optional part of a comparator, described for the docs.
 
     protocol: the name of its type. signature: how it is called. gives: what it is or returns. use:
-    what is done with it, and without it. offered_by: the comparators of ours that have it.
+    what is done with it, and without it. offered_by: elicit's comparators that have it.
     """
 
     protocol: str
@@ -91,7 +87,7 @@ class Part(NamedTuple):
 
     @property
     def member(self) -> str:
-        """The name that a comparator has."""
+        """The name of the part as a member of a comparator."""
         return self.signature.split("(")[0]
 
 
@@ -259,10 +255,10 @@ with this table.
 
 
 def best_guess(comparator: Comparator) -> Floats:
-    """``comparator.values`` (k,).
+    """Return ``comparator.values`` (k,), after a check.
 
-    Raises TypeError unless these are numbers that rise from 0 to 1. They need not rise from one
-    level to the next if the comparator leaves the order of the two open.
+    Raises TypeError unless these are numbers that rise from 0 to 1. They need not rise between two
+    levels whose order the comparator leaves open.
     """
     values = np.asarray(comparator.values, dtype=np.float64)
     open_step = unordered_of(comparator)
@@ -287,11 +283,10 @@ def best_guess(comparator: Comparator) -> Floats:
 
 
 def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, float]:
-    """Return upper bounds (n,) on d.e that hold for all rows of d (n, k) at once.
+    """Return upper bounds (n,) on d.e that hold for all rows of d (n, k), and their confidence.
 
-    The confidence with which they do comes second. A comparator that is not ``BoundsAllAtOnce``
-    gives the bounds that it has row by row, with a confidence of nan. None lies beyond the bounds
-    that the order of levels gives, but for rounding.
+    If the comparator has no ``simultaneous_bounds``, its ``bounds`` are returned, with a confidence
+    of nan. Bounds above those that the order of the levels gives are replaced by the latter.
     """
     rows = as_differences(d, comparator.k)
     if offers(comparator, "simultaneous_bounds"):
@@ -304,10 +299,10 @@ def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, f
 def bounds_above(
     comparator: Comparator, d: ArrayLike, enough: float | Floats
 ) -> tuple[Floats, float]:
-    """Return ``simultaneous_bounds`` of d (n, k), of which those up to ``enough`` may be loose.
+    """Return ``simultaneous_bounds`` of d (n, k), but bounds up to ``enough`` may be loose.
 
-    A bound up to ``enough``, one number or (n,), may be any upper bound up to that. A comparator
-    that is ``BoundsWhatMatters`` takes less time then.
+    ``enough`` is a number or (n,). If the exact bound is at most this, the result may be any number
+    between the two. A comparator with ``bounds_above`` then takes less time.
     """
     if not offers(comparator, "bounds_above"):
         return simultaneous_bounds(comparator, d)
@@ -320,9 +315,9 @@ def bounds_above(
 def _within_order(
     comparator: Comparator, d: Floats, found: tuple[Floats, float]
 ) -> tuple[Floats, float]:
-    """Return checked bounds on d (n, k), none of which lies beyond that of the order of levels.
+    """Return checked bounds on d (n, k), replaced by those of the order where the latter are lower.
 
-    What lies beyond that, such as inf, says no more; rounding stays as it is.
+    Differences by rounding alone are left as they are.
     """
     high, confidence = _checked_bounds(found, type(comparator).__name__, len(d))
     if unordered_of(comparator) is not None:
@@ -335,11 +330,11 @@ def _within_order(
 def bounds_after(
     comparator: Comparator, asked: Floats, d: Floats, enough: float | Floats
 ) -> Floats:
-    """Return about the simultaneous bounds (c, 2, n) on d (n, k) that answers would leave.
+    """Return roughly the simultaneous bounds on d.e that there would be after each answer.
 
-    The questions are ``asked`` (c, k), and the answers worse and better. -inf if an answer
-    contradicts what is known. Bounds up to ``enough``, one number or (n,), may be any number up to
-    that.
+    The result is (c, 2, n), for c questions ``asked`` (c, k), the answers worse and better, and n
+    differences d (n, k). A bound is -inf if the answer contradicts earlier ones. If a bound is at
+    most ``enough``, a number or (n,), any number up to ``enough`` may take its place.
     """
     if offers(comparator, "bounds_after"):
         return cast(ForeseesBounds, comparator).bounds_after(asked, d, enough)
@@ -347,7 +342,7 @@ def bounds_after(
 
 
 def bounds_on_trial(comparator: Comparator, asked: Floats, d: Floats) -> Floats:
-    """Return ``bounds_after``, by telling the comparator each answer."""
+    """Return the numbers of ``bounds_after``, found by telling a comparator each answer."""
     out = np.full((len(asked), 2, len(d)), -np.inf)
     for i, row in enumerate(asked):
         for part, verdict in enumerate((Verdict.WORSE, Verdict.BETTER)):
@@ -360,9 +355,9 @@ def bounds_on_trial(comparator: Comparator, asked: Floats, d: Floats) -> Floats:
 
 
 def _checked_bounds(found: object, name: str, n: int) -> tuple[Floats, float]:
-    """Return the result of ``simultaneous_bounds`` for n differences.
+    """Return the result of ``simultaneous_bounds`` for n differences, after a check.
 
-    Raises TypeError unless it is (n,) and a number.
+    Raises TypeError unless it is an array (n,) and a number.
     """
     if isinstance(found, tuple) and len(found) == 2:
         high, confidence = np.asarray(found[0]), found[1]
@@ -383,62 +378,62 @@ def _checked_bounds(found: object, name: str, n: int) -> tuple[Floats, float]:
 
 @runtime_checkable
 class HasDraws(Protocol):
-    """A comparator that names plausible scales, by which questions are chosen."""
+    """A comparator with draws: weighted plausible scales, by which questions are chosen."""
 
     @property
     def draws(self) -> tuple[Floats, Floats, Floats] | None:
-        """Weighted plausible scales, or None for now.
+        """Weighted plausible scales, or None if there are none yet.
 
-        As in ``elicit.lp.hit_and_run.Draws`` they are gaps (p, m), weights (m,) of total 1, and the
-        tutor's precision (m,) under each.
+        They are gaps (p, m), weights (m,) of total 1, and the tutor's precision (m,) under each
+        scale, as in ``elicit.lp.hit_and_run.Draws``.
         """
 
 
 @runtime_checkable
 class TrustsDraws(HasDraws, Protocol):
-    """One whose bounds depend on its draws: a guarantee holds under this share of their weight."""
+    """A comparator with draws: its bounds hold under a share, ``level``, of their total weight."""
 
     @property
     def level(self) -> float:
-        """The share, below 1."""
+        """The share of the draws' weight under which a guarantee holds, below 1."""
 
 
 @runtime_checkable
 class StatesConfidence(Protocol):
-    """A comparator that states the confidence of its guarantees by itself.
+    """A comparator that states the confidence of its guarantees.
 
-    It has to if the confidence is not the share of draws under which the guarantees hold.
+    It is needed if draws are used and the confidence differs from the draws' share ``level``.
     """
 
     @property
     def confidence(self) -> float:
-        """The probability with which they hold; nan where none can be stated."""
+        """The probability with which guarantees hold; nan if none can be stated."""
 
 
 @runtime_checkable
 class AllowsLapses(Protocol):
-    """A comparator that takes the tutor to answer some questions at random."""
+    """A comparator whose model is that the tutor answers some questions at random."""
 
     @property
     def lapse(self) -> float:
-        """The share of such answers."""
+        """The share of answers given at random."""
 
 
 @runtime_checkable
 class KeepsAnswers(Protocol):
-    """A comparator that can say what it has learned from."""
+    """A comparator that keeps the answers that it has learned."""
 
     @property
     def answers(self) -> Answers:
-        """All answers, in told order."""
+        """All answers learned, in told order."""
 
 
 @runtime_checkable
 class LearnsInSteps(Protocol):
     """A comparator that may need several answers before its verdicts change.
 
-    Its ``update`` takes any answers, also contradictory ones. Until verdicts may change, compiled
-    loops go on with its rule.
+    Its ``update`` takes any answers, also contradictory ones. Compiled loops keep using its arrays
+    until verdicts may change.
     """
 
     @property
@@ -447,16 +442,16 @@ class LearnsInSteps(Protocol):
 
 
 class Cell(NamedTuple):
-    """Part of the plausible scales of a comparator: those under which certain answers are wrong.
+    """Part of a comparator's plausible scales: those for which a given set of answers is wrong.
 
     Attributes
     ----------
     scales : Comparator
-        Its plausible scales are the cell.
+        A comparator whose plausible scales are the cell.
     wrong : tuple of int
-        Rows of the answers that are wrong under them, in ascending order.
+        Rows of the answers that are wrong in the cell, in ascending order.
     weight : float
-        How plausible the cell is beside the others, in total 1. Questions are chosen by it.
+        How plausible the cell is, in total 1 over all cells. It serves to choose questions.
     """
 
     scales: Comparator
@@ -475,11 +470,11 @@ class MadeOfCells(Protocol):
 
 @runtime_checkable
 class AllowsWrong(Protocol):
-    """A comparator that takes some answers to be wrong, without knowing which."""
+    """A comparator for which a number of answers, without knowing which, may be wrong."""
 
     @property
     def wrong(self) -> int:
-        """The greatest number of such answers."""
+        """The largest number of answers that may be wrong."""
 
 
 class PersonAsked(NamedTuple):
@@ -491,21 +486,22 @@ class PersonAsked(NamedTuple):
 
 @runtime_checkable
 class KnowsPeople(Protocol):
-    """A comparator that combines what several people answer."""
+    """A comparator that combines the answers of several people."""
 
     @property
     def people(self) -> Sequence[str]:
-        """Their names, at least one."""
+        """The people's names, at least one."""
 
 
 @runtime_checkable
 class ChoosesWhom(Protocol):
-    """A comparator that says whom to ask."""
+    """A comparator of several people that says which of them to ask."""
 
     def whom(self, d: ArrayLike, besides: Sequence[str] = ()) -> PersonAsked | None:
-        """Return whom to ask about a difference d (k,), and the difference to ask them about.
+        """Return the person to ask about a difference d (k,), and the difference to ask them about.
 
-        ``besides`` are not to be asked. None if nobody can tell more.
+        People in ``besides`` are not to be asked. The result is None if no further answer would
+        help.
         """
 
 
@@ -515,12 +511,12 @@ class LeavesOrderOpen(Protocol):
 
     @property
     def unordered(self) -> tuple[int, int]:
-        """The two levels, counted from 0, the lower number first."""
+        """The two levels of unknown order, counted from 0, the lower number first."""
 
 
 @runtime_checkable
 class AllowsTies(Protocol):
-    """A comparator whose tutor may call equal what is only nearly so."""
+    """A comparator for a tutor who may call equal two things that are only nearly so."""
 
     @property
     def tie(self) -> float:
@@ -528,11 +524,9 @@ class AllowsTies(Protocol):
 
 
 def trusted_share(comparator: object) -> float | None:
-    """Return the share of a comparator's draws under which its bounds hold.
+    """Return the share of a comparator's draws under which its bounds hold, or None.
 
-    None if they do not depend on draws.
-
-    Nothing is drawn to find out.
+    It is None if the bounds do not depend on draws. The draws themselves are not computed.
     """
     if not (offers(comparator, "level") and offers(comparator, "draws")):
         return None
@@ -540,9 +534,9 @@ def trusted_share(comparator: object) -> float | None:
 
 
 def stated_confidence(comparator: Comparator, level: float) -> float:
-    """Return the confidence of guarantees under a comparator's draws.
+    """Return the confidence of a comparator's guarantees, if its bounds depend on draws.
 
-    It is the comparator's own statement, else the share ``level``.
+    It is the comparator's ``confidence`` if it has one, else ``level``.
     """
     return (
         cast(StatesConfidence, comparator).confidence if offers(comparator, "confidence") else level
@@ -550,9 +544,10 @@ def stated_confidence(comparator: Comparator, level: float) -> float:
 
 
 def draws_in(comparator: Comparator) -> tuple[Floats, Floats, Floats] | None:
-    """Return a comparator's own ``draws``: gaps (p, m), weights (m,), precisions (m,).
+    """Return a comparator's ``draws`` after a check: gaps (p, m), weights and precisions (m,).
 
-    None if it has none, or none yet. Raises TypeError that says what is wrong with them.
+    It is None if the comparator has none, or none yet. Raises TypeError that says what is wrong
+    with them.
     """
     found = getattr(comparator, "draws", None)
     if found is None:
@@ -590,24 +585,24 @@ def draws_in(comparator: Comparator) -> tuple[Floats, Floats, Floats] | None:
 
 
 def _ranges(gaps: Floats) -> Floats:
-    """Return the value range (m,) of scales by their gaps (p, m), some of which may be negative."""
+    """Return the value range (m,) of scales with gaps (p, m), some of which may be negative."""
     values = np.vstack([np.zeros(gaps.shape[1]), np.cumsum(gaps, axis=0)])
     return np.asarray(values.max(axis=0) - values.min(axis=0))
 
 
 def tie_of(comparator: Comparator) -> float:
-    """The largest |d.e| that the comparator's tutor may call equal: 0 where it does not say."""
+    """Return the largest |d.e| that a comparator's tutor may call equal; 0 if it does not say."""
     return float(cast(AllowsTies, comparator).tie) if offers(comparator, "tie") else 0.0
 
 
 def cells_of(comparator: Comparator) -> Sequence[Cell]:
-    """The comparator's cells: one, which is all of it, where it is not made of cells."""
+    """Return the comparator's cells. If it is not made of cells, it is itself the only cell."""
     cells = cast(MadeOfCells, comparator).cells if offers(comparator, "cells") else ()
     return cells if len(cells) > 1 else (Cell(comparator, (), 1.0),)
 
 
 def unordered_of(comparator: Comparator) -> tuple[int, int] | None:
-    """Return the two neighbouring levels whose order the comparator leaves open; None if none."""
+    """Return the two neighbouring levels whose order a comparator leaves open, or None."""
     if not offers(comparator, "unordered"):
         return None
     low, high = cast(LeavesOrderOpen, comparator).unordered
@@ -615,20 +610,20 @@ def unordered_of(comparator: Comparator) -> tuple[int, int] | None:
 
 
 def wrong_of(comparator: Comparator) -> int:
-    """The number of answers that may be wrong: 0 where the comparator does not say."""
+    """Return the number of answers that may be wrong; 0 if the comparator does not say."""
     return int(cast(AllowsWrong, comparator).wrong) if offers(comparator, "wrong") else 0
 
 
 def people_of(comparator: object) -> tuple[str, ...]:
-    """Return the names of those whose answers a comparator combines; () where it does not say."""
+    """Return the names of the people whose answers a comparator combines; () if it does not say."""
     found = offers(comparator, "people") and offers(comparator, "whom")
     return tuple(cast(KnowsPeople, comparator).people) if found else ()
 
 
 def whom_of(comparator: Comparator, d: Floats, besides: Sequence[str] = ()) -> PersonAsked | None:
-    """Return whom a comparator of several people would ask about d (k,), and what.
+    """Return the person a comparator of several people would ask about d (k,), and what about.
 
-    Raises TypeError for a person who is none of its people.
+    Raises TypeError if the person is none of its people.
     """
     asked = cast(ChoosesWhom, comparator).whom(d, besides)
     if asked is not None and asked.who not in people_of(comparator):
@@ -639,7 +634,7 @@ def whom_of(comparator: Comparator, d: Floats, besides: Sequence[str] = ()) -> P
 
 
 def lapse_of(comparator: Comparator) -> float:
-    """Return the share of answers that the comparator takes to be given at random.
+    """Return the share of answers that a comparator takes to be given at random.
 
     It is 0 if the comparator does not say.
     """

@@ -1,14 +1,14 @@
 """Differences of share vectors: checked, turned into tail sums, and brought to order one.
 
-A difference d (k,) is used through its tail sums t_j, the sum of d_i over i > j, for then d.e = t.g
-on a scale with gaps g (``model.scale``). Whatever is decided about a difference is the same for its
-multiples, so numerical code works on the multiple by a power of two whose largest tail sum lies in
-[1/2, 1). That multiplication is exact.
+A difference d (k,) is used through its tail sums t_j, the sum of d_i over i > j, because d.e = t.g
+on a scale with gaps g (``model.scale``). Verdicts are the same for a difference and its positive
+multiples. So numerical code works on a multiple by a power of two, which is exact: the one whose
+largest tail sum lies in [1/2, 1).
 
-The range: numbers of levels 2..k lie between -``MOST`` and ``MOST``, so no tail sum overflows.
+Entries of levels 2..k must lie between -``MOST`` and ``MOST``, so that no tail sum overflows.
 ``as_vectors`` refuses others. ``of_order_one`` refuses a row whose smallest numbers would lose bits
-beside its largest. Compiled loops, which cannot refuse, have the same functions for one row in
-``difference_kernel``.
+beside its largest. Compiled loops cannot refuse. For them ``difference_kernel`` has the same
+functions for a single row.
 """
 
 from typing import NamedTuple
@@ -38,7 +38,7 @@ class OrderOne(NamedTuple):
 
 
 def as_vectors(vectors: ArrayLike, k: int | None = None, name: str = "d") -> Floats:
-    """Return vectors or differences as an array (n, k) of floats; one (k,) becomes (1, k).
+    """Return vectors or differences as an array (n, k) of floats. A single (k,) becomes (1, k).
 
     Raises ValueError if they have another shape, are not finite, or are beyond ``MOST``.
     """
@@ -62,7 +62,7 @@ def as_differences(d: ArrayLike, k: int) -> Floats:
     Parameters
     ----------
     d : array_like
-        (n, k) left - right, one row a comparison. One difference (k,) becomes (1, k).
+        (n, k) left - right, a row for each comparison. A single difference (k,) becomes (1, k).
     k : int
         The number of levels.
 
@@ -81,9 +81,9 @@ def as_differences(d: ArrayLike, k: int) -> Floats:
 
 
 def tail_sums(d: Floats) -> Floats:
-    """Return t (n, k-1) with t_j = sum of d_i over i > j, of d (n, k) or (k,).
+    """Return the tail sums t (n, k-1) of d (n, k), or (k-1,) of (k,): t_j = sum of d_i over i > j.
 
-    They are plain sequential sums from the best level down, so that every caller rounds alike.
+    They are added in sequence from the best level down, so that every caller rounds alike.
     """
     t: Floats = np.cumsum(d[..., :0:-1], axis=-1)[..., ::-1]
     return t
@@ -92,7 +92,7 @@ def tail_sums(d: Floats) -> Floats:
 def of_order_one(d: Floats, name: str = "d") -> OrderOne:
     """Return differences d (n, k) divided by powers of two, with their tail sums.
 
-    Raises ValueError if that would lose bits of a tail sum, or of a number of levels 2..k.
+    Raises ValueError if that would lose bits of a tail sum, or of an entry of levels 2..k.
     """
     t = tail_sums(d)
     exponent = np.frexp(np.abs(t).max(axis=1, initial=0.0))[1]
@@ -112,7 +112,7 @@ def of_order_one(d: Floats, name: str = "d") -> OrderOne:
 
 
 def dominance(t: Floats) -> NDArray[np.int8]:
-    """Return the verdicts of eq. (4) on tail sums t (n, k-1), as codes of ``Verdict``.
+    """Return verdicts by dominance (the paper's eq. (4)) on tail sums t (n, k-1), as codes.
 
     1: left dominates. -1: right does. 0: they are equal. 2: neither dominates.
     """

@@ -1,7 +1,7 @@
-"""The functions of ``difference`` and ``pairs``, one difference at a time, for compiled code.
+"""The functions of ``difference`` and ``pairs`` for a single difference, in compiled code.
 
-They give the same numbers to the last bit. A table finds the answer to a pair. The module is
-separate because numba takes long to import, and ``import elicit`` does without it.
+Results are the same to the last bit. A table finds the answer to a pair. The module is separate
+because numba takes long to import, and ``import elicit`` does without it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ NOT_THERE = -1  # the row of a pair that is not in a table
 
 @compiled
 def tail_sums_into(d: Any, i: int, t: Any) -> None:
-    """Write ``difference.tail_sums`` of row i of d (n, k) into t (k-1,)."""
+    """Write the tail sums of row i of d (n, k) into t (k-1,)."""
     total = -0.0  # a sum that begins so keeps the sign of zero
     for j in range(len(t) - 1, -1, -1):
         total += d[i, j + 1]
@@ -36,9 +36,9 @@ def tail_sums_into(d: Any, i: int, t: Any) -> None:
 def to_order_one(t: Any) -> tuple[float, int]:
     """Divide t (p,) by a power of two, so that its largest entry is in [1/2, 1).
 
-    ``difference.of_order_one`` does the same. Return the largest entry and the exponent. If bits
-    would be lost, t stays as it is, with the exponent 0. Then conclusions from it are as certain,
-    but there may be fewer.
+    Return the largest entry and the exponent. If bits would be lost, t stays as it is and the
+    exponent is 0: conclusions from t are then still certain, but there may be fewer. See
+    ``difference.of_order_one``.
     """
     size = largest(t)
     fraction, exponent = math.frexp(size)
@@ -56,7 +56,7 @@ def to_order_one(t: Any) -> tuple[float, int]:
 
 @compiled
 def largest(t: Any) -> float:
-    """Return the absolute value of the largest entry."""
+    """Return the largest absolute value of an entry."""
     size = 0.0
     for j in range(len(t)):
         size = max(size, abs(t[j]))
@@ -65,7 +65,7 @@ def largest(t: Any) -> float:
 
 @compiled
 def by_dominance(t: Any) -> int:
-    """Return ``difference.dominance`` of one row of tail sums t (p,) (eq. 4)."""
+    """Return the verdict by dominance on tail sums t (p,): see ``difference.dominance``."""
     least, greatest = 0.0, 0.0
     for j in range(len(t)):
         least, greatest = min(least, t[j]), max(greatest, t[j])
@@ -74,17 +74,21 @@ def by_dominance(t: Any) -> int:
 
 @compiled
 def by_range(least: float, greatest: float) -> int:
-    """Return the verdict of eq. (4) on tail sums from ``least`` <= 0 to ``greatest`` >= 0."""
+    """Return the verdict by dominance on tail sums with this least and greatest entry.
+
+    ``least`` is at most 0 and ``greatest`` at least 0.
+    """
     if greatest > 0.0:
         return UNKNOWN if least < 0.0 else BETTER
     return WORSE if least < 0.0 else EQUAL
 
 
 class PairTable(NamedTuple):
-    """Answers by pair.
+    """A table of answers, to be looked up by pair.
 
-    ``marks`` (n,), sorted, and ``rows`` (n,) find them. The other arrays are in the order of the
-    answers, perhaps with unused places at their end.
+    ``marks`` (n,) are sorted keys (see ``mark_of``), and ``rows`` (n,) say to which answers they
+    belong. The other arrays are in the order of the answers, perhaps with unused places at their
+    end.
     """
 
     marks: Floats
@@ -96,7 +100,7 @@ class PairTable(NamedTuple):
 
 @compiled
 def mark_of(t: Any) -> float:
-    """Return the number by which tail sums t (p,) are sorted: opposite for t and -t."""
+    """Return the key by which tail sums t (p,) are sorted in a table; -t has the opposite key."""
     mark = 0.0
     for j in range(len(t)):
         mark += math.sqrt(j + 2.0) * t[j]
@@ -105,16 +109,19 @@ def mark_of(t: Any) -> float:
 
 @compiled
 def near_to(t: Any) -> float:
-    """Return ``pairs.nearness`` of tail sums t (p,)."""
+    """Return how much an entry of tail sums t (p,) may differ within the same pair.
+
+    It is ``pairs.nearness``.
+    """
     size = largest(t)
     return min(NEAR * max(size, 1.0), SHARE * size)
 
 
 @compiled
 def marks_within(near: float, p: int) -> float:
-    """Return how far apart the marks of two tail sums (p,) may be.
+    """Return how far the keys of two tail sums (p,) may differ.
 
-    No entry of the two differs by more than ``near``.
+    No entry of the two may differ by more than ``near``.
     """
     total = 0.0
     for j in range(p):
@@ -124,7 +131,7 @@ def marks_within(near: float, p: int) -> float:
 
 @compiled
 def apart(t: Any, sign: int, other: Any) -> float:
-    """Return the greatest distance of an entry of sign * t (p,) from the other's (p,)."""
+    """Return the greatest absolute difference between entries of sign * t (p,) and ``other``."""
     most = 0.0
     for j in range(len(t)):
         most = max(most, abs(sign * t[j] - other[j]))
@@ -133,10 +140,9 @@ def apart(t: Any, sign: int, other: Any) -> float:
 
 @compiled
 def find(t: Any, table: PairTable) -> tuple[int, int]:
-    """Return the row of the pair with tail sums t (p,), and 1 or -1.
+    """Return the row of the pair with tail sums t (p,) in a table, and 1, or -1 if it is flipped.
 
-    The latter is -1 if the row holds the pair flipped. If no row holds it, the result is
-    ``NOT_THERE`` and 1. If several do, it is the nearest.
+    If no row holds the pair, the result is ``NOT_THERE`` and 1. If several do, it is the nearest.
     """
     n, best, way = len(table.marks), NOT_THERE, 1
     if n == 0:
@@ -163,9 +169,9 @@ def find_all(t: Any, table: PairTable, rows: Any, ways: Any) -> None:
 
 @compiled
 def way_round(t: Any) -> int:
-    """Return the direction of tail sums t (p,), as ``pairs.ways_round`` does.
+    """Return an orientation of a pair with tail sums t (p,): 1 or -1, and 0 for equal vectors.
 
-    It is 0 if the two vectors are the same.
+    A pair and the same pair flipped have opposite orientations (``pairs.ways_round``).
     """
     mark = mark_of(t)
     return 1 if mark > 0.0 else -1 if mark < 0.0 else 0
@@ -173,9 +179,9 @@ def way_round(t: Any) -> int:
 
 @compiled
 def pair_code(key: Any, t: Any) -> Any:
-    """Return a hash of the key and the unordered pair with tail sums t (p,).
+    """Return a hash of the key and of the pair with tail sums t (p,), in either order.
 
-    The pair is hashed as its ``pairs.whole_numbers``.
+    The pair is hashed as the numbers of ``pairs.whole_numbers``.
     """
     size, sign = largest(t), way_round(t)
     exponent = max(0, math.frexp(size * OFFSET)[1])

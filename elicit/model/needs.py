@@ -1,6 +1,6 @@
-"""Optional parts of a comparator that a learner or a strategy takes.
+"""Declarations of the optional parts of a comparator that a learner or a strategy uses.
 
-They are declared in one line, and checked when the learner is made.
+A declaration takes one line. It is checked when the learner is made.
 """
 
 from __future__ import annotations
@@ -18,24 +18,25 @@ _PARTS = {part.member: part for part in OPTIONAL_PARTS}
 
 @dataclass(frozen=True)
 class Needs:
-    """Parts of a comparator, beyond the five members of all, that one consumer takes.
+    """The parts of a comparator, beyond the five of all, that a consumer requires or uses.
 
-    Declare them as the attribute ``needs`` of a learner or of a strategy. Two are joined by ``|``.
+    A consumer is a learner or a strategy, and declares them as its attribute ``needs``. ``a | b``
+    joins two declarations.
 
     Parameters
     ----------
     required : names
-        Members without which the consumer is refused.
+        Members without which the consumer refuses a comparator.
     used : names
         Members that are used if the comparator has them. ``OPTIONAL_PARTS`` says what happens
         without.
     open_order : bool
-        Whether the consumer takes a comparator that leaves the order of two levels open.
+        Whether the consumer accepts a comparator that leaves the order of two levels open.
 
     Raises
     ------
     ValueError
-        If a name is that of no optional part.
+        If a name is not that of an optional part.
     """
 
     required: tuple[str, ...] = ()
@@ -54,12 +55,12 @@ class Needs:
         )
 
     def missing(self, comparator: Comparator) -> tuple[str, ...]:
-        """Return the required members that a comparator does not have. Computes none of them."""
+        """Return the required members that a comparator does not have, without computing any."""
         return tuple(name for name in self.required if not offers(comparator, name))
 
 
 def uses(*members: str) -> Callable[[_F], _F]:
-    """Declare the optional parts that a function uses if the comparator has them."""
+    """Decorate a function with the optional parts that it uses if the comparator has them."""
 
     def declared(function: _F) -> _F:
         vars(function)["needs"] = Needs(used=members)
@@ -69,17 +70,17 @@ def uses(*members: str) -> Callable[[_F], _F]:
 
 
 def needs_of(consumer: object) -> Needs:
-    """Return what a consumer declares as its ``needs``: nothing if it declares none."""
+    """Return what a consumer declares as its ``needs``; empty Needs if it declares nothing."""
     declared = getattr(consumer, "needs", None)
     return declared if isinstance(declared, Needs) else Needs()
 
 
 def check_needs(comparator: Comparator, *consumers: object) -> None:
-    """Raise TypeError for anything but a comparator, and for one that lacks a required part.
+    """Raise TypeError unless the object is a comparator with all parts that consumers require.
 
-    The error names the part, the consumer that needs it, and the comparators that have it. A
-    comparator that leaves the order of two levels open is a ValueError unless a consumer takes it:
-    the bounds of most learners start from the order.
+    The error names the part, the consumer that needs it, and the comparators that have it. If the
+    comparator leaves the order of two levels open and a consumer does not accept that, ValueError
+    is raised: the bounds of most learners start from the order.
     """
     check_comparator_made(comparator)
     open_step = unordered_of(comparator)

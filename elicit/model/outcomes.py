@@ -1,4 +1,4 @@
-"""The status of a learner, a choice or a training, in sentences."""
+"""The status of a learner, a choice or a training, as sentences."""
 
 from enum import Enum
 
@@ -6,8 +6,8 @@ from enum import Enum
 class Status(Enum):
     """The status of a learner, a choice or a training. Values are sentences for people.
 
-    Not finished: ``WAITING`` and ``TRAINING``. Proven within the tolerance: ``CONVERGED``. All
-    others say what is missing. ``loss_bound`` of the result says how much that can matter.
+    ``WAITING`` and ``TRAINING`` are not finished. ``CONVERGED`` is proven within the tolerance. All
+    others say what is missing, and ``loss_bound`` of the result how much that can matter.
     """
 
     WAITING = "not finished: a question waits for the tutor; answer what ask() returns"
@@ -66,12 +66,12 @@ class Status(Enum):
 
     @property
     def sentence(self) -> str:
-        """The value as a sentence of its own, with a capital letter and a full stop."""
+        """The value as a full sentence, with a capital letter and a full stop."""
         return f"{self.value[0].upper()}{self.value[1:]}."
 
 
 def assumed_of_answers(wrong: int, whose: str) -> str:
-    """Return under which assumption about the answers a proof holds.
+    """Return a condition, as text: a proof holds if at most ``wrong`` of the answers are wrong.
 
     Parameters
     ----------

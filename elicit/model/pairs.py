@@ -1,9 +1,9 @@
-"""Pairs of vectors by their value: two differences are one pair where they agree but for rounding.
+"""Recognition of pairs: two differences are the same pair if they agree but for rounding.
 
-The same two vectors are met again with other last bits: after a restart, on another processor, in a
-state that mirrors the first, or with left and right exchanged. So a pair is never known by its
-bits. Two tail sums t and u are the same pair where no entry differs by more than ``nearness(t)``,
-about 1e-9 of the value range. Where one name is needed, as in hashes, it is the whole numbers of
+The same two vectors come again with other last bits: after a restart, on another processor, in a
+state that mirrors the first, or with left and right exchanged. So a pair is not recognised by its
+bits. Two tail sums t and u are the same pair if no entry differs by more than ``nearness(t)``,
+about 1e-9 of the value range. A hash needs a single name for a pair: the numbers of
 ``whole_numbers``.
 """
 
@@ -18,7 +18,7 @@ from elicit.model.difference import tail_sums
 from elicit.model.scale import Floats
 
 GRID = 2.0**30
-"""Grains to a unit, of which names are made."""
+"""A hash names a number by how many of its unit's grains, 2^-30, it has."""
 
 NEAR = 1e-9
 """Tail sums of the same pair differ by at most this: an absolute number up to size 1, and relative
@@ -29,20 +29,20 @@ SHARE = 1e-3
 """Tail sums of the same pair differ by at most this share of their size, however small they are."""
 
 OFFSET = 0.7321
-"""Sizes are compared with powers of two only after this factor: round numbers, which rounding may
-push over a limit, are not near one then."""
+"""Sizes are multiplied by this before they are compared with powers of two. Otherwise rounding
+could push round numbers over a limit."""
 
 
 def nearness(t: Floats) -> Floats:
-    """Return how far tail sums (..., p) of the same pair may differ, for each entry."""
+    """Return how much an entry of tail sums t (..., p) may differ within the same pair."""
     size = np.abs(t).max(axis=-1, initial=0.0)
     return np.asarray(np.minimum(NEAR * np.maximum(size, 1.0), SHARE * size))
 
 
 def same_pairs(t: Floats, others: Floats) -> NDArray[np.int8]:
-    """Return which of ``others`` (n, p) are the same pair as tail sums t (p,).
+    """Return for each of ``others`` (n, p) whether it is the same pair as tail sums t (p,).
 
-    1: the same; -1: exchanged; 0: another.
+    1: the same; -1: the same with left and right exchanged; 0: another pair.
     """
     near = nearness(t)
     found = np.zeros(len(others), np.int8)
@@ -67,17 +67,14 @@ def ways_round(t: Floats) -> NDArray[np.int8]:
 
 
 def whole_numbers(x: Floats) -> tuple[NDArray[np.int64], int]:
-    """Return x (p,) in grains of 2^-30, and an exponent of two.
-
-    By that power x was divided, if it is not of order one.
-    """
+    """Return x (p,), divided by a power of two if large, in units of 2^-30; and the exponent."""
     size = float(np.abs(x).max(initial=0.0)) * OFFSET
     exponent = max(0, math.frexp(size)[1])
     return np.floor(np.ldexp(x, -exponent) * GRID + 0.5).astype(np.int64), exponent
 
 
 def first_of_each_pair(d: Floats, most: int) -> list[int]:
-    """Return the first rows of d (n, k) that are about different pairs, at most so many."""
+    """Return the first row of each pair in d (n, k), at most ``most`` rows."""
     chosen: list[int] = []
     sums = tail_sums(d)
     for row, t in enumerate(sums):
@@ -89,7 +86,10 @@ def first_of_each_pair(d: Floats, most: int) -> list[int]:
 
 
 def pair_numbers(d: Floats) -> NDArray[np.intp]:
-    """Return a number (n,) from 0 on for the unordered pair behind each difference d (n, k)."""
+    """Return the number (n,), from 0 on, of the pair behind each difference d (n, k).
+
+    Exchanging left and right gives the same pair.
+    """
     sums = tail_sums(d)
     numbers = np.arange(len(sums))
     for row, t in enumerate(sums):

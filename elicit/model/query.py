@@ -32,7 +32,7 @@ class Verdict(IntEnum):
 
     @property
     def flipped(self) -> Verdict:
-        """The verdict with left and right exchanged."""
+        """The verdict after left and right are exchanged."""
         return self if self is Verdict.UNKNOWN else Verdict(-self)
 
     def __str__(self) -> str:
@@ -44,7 +44,7 @@ class Verdict(IntEnum):
 
 
 def as_verdict(code: Any) -> Verdict:
-    """An answer's Verdict from its code -1, 0 or 1 (an int, also one of NumPy's).
+    """Return an answer's Verdict from its code -1, 0 or 1, an int of Python or NumPy.
 
     Raises TypeError and ValueError.
     """
@@ -62,9 +62,9 @@ def as_verdict(code: Any) -> Verdict:
 
 
 def as_who(who: str | None) -> str | None:
-    """Return the name of a person who answers, or None.
+    """Return the name of a person who answers, or None, after a check.
 
-    Raises TypeError for anything else, and ValueError for an empty name.
+    Raises TypeError if it is neither text nor None, and ValueError for an empty name.
     """
     if who is not None and not isinstance(who, str):
         raise TypeError(f"who, the person who answers, must be a name, or None, not {who!r}")
@@ -74,26 +74,25 @@ def as_who(who: str | None) -> str | None:
 
 
 class StaleAnswer(ValueError):
-    """The caller's fault: there is no such pending query (answered already, or of another run)."""
+    """Error for an answer to no pending query: it was answered already, or is of another run."""
 
 
 _Conflict: TypeAlias = tuple[str, tuple[tuple[int, str], ...], bool]
 
 
 class InconsistentAnswers(ValueError):
-    """No scale satisfies the answers.
+    """Error raised if no scale satisfies the answers.
 
     Parameters
     ----------
     message : str or callable
-        The sentence, or a function that computes it together with the two other parts when one of
-        them is first read. Finding a minimal set can take long, and a learner that drops the latest
-        answer needs none.
+        The sentence. Or a function that computes the sentence and the two other parts, called when
+        one of them is first read: finding a minimal set can take long, and a learner that drops the
+        latest answer needs none.
     answers : sequence of (row, id), optional
         A minimal contradictory set: drop any one of them and the rest are consistent.
     margin : bool, optional
-        Whether the margin eta is a culprit: whether these answers would be consistent with a margin
-        of zero.
+        True if these answers would be consistent with a margin of zero.
     """
 
     def __init__(
@@ -139,11 +138,11 @@ class InconsistentAnswers(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Query:
-    """A question to the tutor: which share vector is better, ``left`` or ``right`` (k,).
+    """A question to the tutor: which of two share vectors (k,) is better, ``left`` or ``right``.
 
-    ``about`` and ``labels``, the k levels' names, worst first, are for people only:
-    ``print(query)`` shows the question as a person reads it. ``who`` is the person to ask, where
-    there are several (``elicit.Panel``); None: whoever answers.
+    ``about`` is a text for people, and ``labels`` are the k levels' names, worst first.
+    ``print(query)`` shows the question as a person reads it. ``who`` is the person to ask if there
+    are several (``elicit.Panel``); None: anybody.
     """
 
     id: str
@@ -153,7 +152,7 @@ class Query:
     labels: tuple[str, ...] | None = None
     who: str | None = None
 
-    if TYPE_CHECKING:  # what may be given; the dataclass writes it
+    if TYPE_CHECKING:  # the types of arguments; the dataclass writes the method
 
         def __init__(
             self,
@@ -187,8 +186,8 @@ class Query:
     def __str__(self) -> str:
         """Return the question for people to read.
 
-        Shares are in percent, and those of a side total 100. They are rounded to a tenth of the
-        greatest difference or finer, so that what differs is seen to differ. Vectors that are no
+        Shares are in percent, and total 100 on each side. They are rounded to a tenth of the
+        greatest difference or finer, so that sides that differ look different. Vectors that are no
         shares stay in their own unit. Without labels, levels go by number: the worst is 1.
         """
         both = np.stack([self.left, self.right])
@@ -227,12 +226,12 @@ class Query:
         labels: Sequence[str] | None = None,
         who: str | None = None,
     ) -> Query:
-        """A query whose id is a hash of the problem, its running number and the two vectors."""
+        """Return a query whose id is a hash of the problem, its running number and the vectors."""
         return Query(query_id(fingerprint, number, left, right), left, right, about, labels, who)
 
 
 def query_id(fingerprint: str, number: int, left: ArrayLike, right: ArrayLike) -> str:
-    """The id of a query: see ``Query.make``."""
+    """Return the id of a query, as ``Query.make`` sets it."""
     digest = hashlib.blake2b(f"{fingerprint}/{number}".encode(), digest_size=8)
     for vector in (left, right):  # by value: their last bits may differ on another machine
         numbers, exponent = whole_numbers(np.asarray(vector, dtype=np.float64))
@@ -242,14 +241,14 @@ def query_id(fingerprint: str, number: int, left: ArrayLike, right: ArrayLike) -
 
 @dataclass(frozen=True)
 class Answer:
-    """A tutor's answer, in terms of ``query.left``.
+    """A tutor's answer to a query: the verdict on ``query.left`` against ``query.right``.
 
     The verdict is a Verdict, or -1, 0, 1; None means "cannot tell". ``swapped`` records that the
-    pair was shown right to left (``verdict`` is already flipped back). ``who`` is the name or
-    pseudonym of the person who answered, by default the query's; None: nobody says.
+    person saw left and right exchanged; ``verdict`` is already flipped back. ``who`` is the name or
+    pseudonym of the person who answered. By default it is the query's; None if unknown.
 
     Raises TypeError for a verdict that is no code, such as True or a float, and for a ``who`` that
-    is no text; ValueError for another number and an empty name.
+    is no text. Raises ValueError for another number and an empty name.
     """
 
     query: Query
@@ -269,7 +268,7 @@ class Answer:
 
 @dataclass
 class _Room:
-    """Arrays longer than the answers in them."""
+    """Arrays with spare room behind the answers in them, so that adding one copies nothing."""
 
     d: Floats
     y: NDArray[np.int8]
@@ -277,7 +276,7 @@ class _Room:
 
 
 class AnswerRow(NamedTuple):
-    """One row of ``Answers``: the difference d (k,) = left - right, the verdict, and the id.
+    """A row of ``Answers``: the difference d (k,) = left - right, the verdict, and the id.
 
     ``Answers.who`` says who gave it.
     """
@@ -289,11 +288,11 @@ class AnswerRow(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Answers:
-    """The answers that comparators learn from.
+    """The answers that comparators learn from, as arrays.
 
-    d (n, k) is left - right, y (n,) lies in {-1, 0, +1}, and each row has an id. ``who`` (n,) has
-    the name of the person who gave each answer, or None. ``answers[i]`` is an ``AnswerRow``, and a
-    loop yields such rows. ``answers[i:j]`` are Answers again.
+    d (n, k) is left - right, y (n,) holds verdicts -1, 0 or +1, and each row has an id. ``who``
+    (n,) holds the name of the person who gave each answer, or None. ``answers[i]`` is an
+    ``AnswerRow``, and a loop yields such rows. ``answers[i:j]`` are Answers again.
     """
 
     d: Floats
@@ -349,7 +348,7 @@ class Answers:
         ids: tuple[str, ...],
         who: tuple[str | None, ...],
     ) -> Answers:
-        """Hold valid parts as they are."""
+        """Set the attributes to these arrays, which are valid, without a copy; return self."""
         d.flags.writeable = y.flags.writeable = False
         for name, value in (("d", d), ("y", y), ("ids", ids), ("who", who)):
             object.__setattr__(self, name, value)
@@ -357,12 +356,15 @@ class Answers:
 
     @staticmethod
     def none(k: int) -> Answers:
-        """No answers yet, over k levels."""
+        """Return empty Answers over k levels."""
         return Answers(np.empty((0, k)), np.empty(0, dtype=np.int8))
 
     @staticmethod
     def of(answers: Sequence[Answer], k: int) -> Answers:
-        """The decided ones of a list of answers; "cannot tell" teaches a comparator nothing."""
+        """Return a list of Answer objects as Answers, without those that have no verdict.
+
+        "Cannot tell" teaches a comparator nothing.
+        """
         told = [a for a in answers if a.verdict is not None]
         for query in (answer.query for answer in told):
             if len(query.left) != k:
@@ -379,16 +381,17 @@ class Answers:
 
     @staticmethod
     def from_csv(file: File, k: int | None = None) -> Answers:
-        """The answers in a CSV file (a path, or text opened with ``newline=""``), in its order.
+        """Return the answers in a CSV file, in its order.
 
-        The header names left_1, ..., left_k, right_1, ..., right_k, answer, or d_1, ..., d_k,
-        answer (d is left - right), in any order and case, and perhaps id; without it an id is "line
-        7". A column who names the person who answered. Other columns and blank lines are passed
-        over. An answer is -1, 0 or 1, or left, right,
-        equal (better, worse), in terms of left. As with ``of``, rows without an answer (empty,
-        none, null, "cannot tell") are left out.
+        The file is a path, or text opened with ``newline=""``. Its columns may come in any order
+        and case. They are left_1, ..., left_k, right_1, ..., right_k and answer. Instead of left
+        and right there may be d_1, ..., d_k, which is left - right. An optional column id names the
+        rows, which are called "line 7" otherwise. An optional column who names the person who
+        answered. Other columns and blank lines are ignored. An answer is -1, 0 or 1, or left,
+        right, equal (better, worse), in terms of left. As with ``of``, rows without an answer
+        (empty, none, null, "cannot tell") are left out.
 
-        Raises ValueError that names the line and the column, also where there are not k levels;
+        Raises ValueError that names the line and the column, also if there are not k levels, and
         OSError.
         """
         from elicit.model.answers_csv import read_csv
@@ -398,7 +401,7 @@ class Answers:
     def to_csv(self, file: File) -> None:
         """Write the columns id, d_1, ..., d_k, answer to a path or an open text.
 
-        If any row says who answered, a column who comes last. ``from_csv`` reads the same back.
+        If any row says who answered, a column who comes last. ``from_csv`` reads the file.
         """
         from elicit.model.answers_csv import write_csv
 
@@ -453,12 +456,12 @@ class Answers:
         return f"Answers({len(self)} answers, k={self.k})"
 
     def without(self, ids: Iterable[str], who: str | None = None) -> Answers:
-        """The other answers, in the same order: every row that bears one of these ids is left out.
+        """Return the answers, in the same order, without all rows that have one of these ids.
 
-        Several people may have answered the question of an id. With ``who`` only that person's
-        answers are left out.
+        If several people answered the question of an id, ``who`` restricts this to one person's
+        answers.
 
-        Raises ValueError for an id that no row bears, and TypeError for a bare string.
+        Raises ValueError for an id that no row has, and TypeError for a bare string.
         """
         if isinstance(ids, str):
             raise TypeError(f"without takes several ids: put the one id into a list, [{ids!r}]")
@@ -480,15 +483,15 @@ class Answers:
         return Answers(self.d[list(rows)], self.y[list(rows)], ids, who)
 
     def of_person(self, who: str | None) -> Answers:
-        """Return the answers of one person, in their order. None: those that name nobody."""
+        """Return the answers of a person, in their order. None: the answers that name nobody."""
         return self.take([row for row, name in enumerate(self.who) if name == who])
 
 
 def match(answers: Sequence[Answer], pending: Sequence[Query]) -> tuple[Answer, ...]:
-    """The answers, each about another one of the pending queries.
+    """Return the answers as a tuple, after a check that each is to another pending query.
 
-    Raises TypeError for anything but Answers, and StaleAnswer for an unknown id, for other vectors
-    than the query's, and for two answers to one query.
+    Raises TypeError for anything but Answers. Raises StaleAnswer for an unknown id, for vectors
+    other than the query's, and for two answers to the same query.
     """
     if isinstance(answers, Answer):
         raise TypeError("tell takes a sequence of answers: put the one Answer into a list")

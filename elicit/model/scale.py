@@ -1,8 +1,8 @@
-"""The ordinal scale in its simple coordinates: gaps of the scale and tail sums of a difference.
+"""The ordinal scale in gap coordinates, in which everything linear is simple.
 
-A scale e_1 < ... < e_k is normalised to e_1 = 0 and e_k = 1. Its gaps g_j = e_{j+1} - e_j (k-1 of
-them) lie in a simplex, and for a difference d of two share vectors d.e = t.g, where t_j is the sum
-of d_i over i > j. In these coordinates dominance (eq. 4) is t >= 0 and an answer is a cut t.g >= 0.
+A scale e_1 < ... < e_k is normalised to e_1 = 0 and e_k = 1. Its k-1 gaps are g_j = e_{j+1} - e_j,
+and total 1. The tail sums of a difference d of two share vectors are t_j, the sum of d_i over i >
+j. Then d.e = t.g. Dominance (the paper's eq. (4)) is t >= 0, and an answer is a cut t.g >= 0.
 """
 
 from collections.abc import Iterable
@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 
 def as_rows(numbers: ArrayLike, k: int | None = None, name: str = "d") -> Floats:
-    """Return numbers as valid rows (n, k) of finite floats. One vector (k,) becomes (1, k).
+    """Return numbers as rows (n, k) of finite floats, after a check. A vector (k,) becomes (1, k).
 
     Parameters
     ----------
@@ -52,9 +52,9 @@ def as_rows(numbers: ArrayLike, k: int | None = None, name: str = "d") -> Floats
 
 
 def dot(t: Floats, g: Floats) -> Floats:
-    """Return t.g (n,) of t (n, k-1) and g (k-1,).
+    """Return t.g (n,) for t (n, k-1) and g (k-1,).
 
-    It is summed in order, so that a row's result does not depend on its neighbours, as with BLAS.
+    The sum has a fixed order. With BLAS a row's result could depend on its neighbours.
     """
     total: Floats = np.zeros(t.shape[:-1])
     for j in range(t.shape[-1]):
@@ -63,12 +63,12 @@ def dot(t: Floats, g: Floats) -> Floats:
 
 
 def exact_dot(t: Iterable[Any], g: Iterable[Any]) -> Fraction:
-    """Return t.g of tail sums t (k-1,) and gaps g (k-1,), floats or Fractions, without rounding."""
+    """Return t.g without rounding, for tail sums t (k-1,) and gaps g, floats or Fractions."""
     return sum((Fraction(a) * Fraction(b) for a, b in zip(t, g, strict=True)), Fraction())
 
 
 def rounded_to_total(parts: Floats, digits: int = 0) -> Floats:
-    """Round parts (k,) to so many decimals and keep their total, itself rounded.
+    """Round parts (k,) to ``digits`` decimals so that they add up to their rounded total.
 
     The parts with the largest remainders are rounded up.
     """
@@ -124,14 +124,15 @@ def gaps(values: ArrayLike) -> Floats:
 
 
 def values_of(g: Floats) -> Floats:
-    """Return the scale e (k,) of gaps g (k-1,): 0, g_1, g_1 + g_2, ..."""
+    """Return the scale e (k,) with gaps g (k-1,): 0, g_1, g_1 + g_2, ..."""
     return np.concatenate([[0.0], np.cumsum(g)])
 
 
 def order_bounds(t: Floats, margin: float) -> tuple[Floats, Floats]:
-    """Return the least and the greatest d.e (n,) over K_0 = {g >= margin, sum g = 1}.
+    """Return the least and the greatest d.e (n,) over all ordered scales.
 
-    They have a closed form in the tail sums t (n, k-1).
+    These are the scales K_0 = {g >= margin, sum g = 1}. The bounds have a closed form in the tail
+    sums t (n, k-1).
     """
     p = t.shape[-1]
     base = margin * t.sum(axis=-1)

@@ -1,6 +1,6 @@
 """The scale as a cvxpy variable, and linear cvxpy constraints over it as rows a e >= b.
 
-Imports cvxpy only where it is called for.
+Only functions that need cvxpy import it, when they are called.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ _WAY_OUT = "add it to the programs of comparator.problems(d), which the polytope
 
 
 class LinearConstraint(NamedTuple):
-    """Rows a (m, k) and b (m,) with a e >= b, and the constraint's name.
+    """A cvxpy constraint as rows a e >= b, with a (m, k) and b (m,), and its name.
 
-    The name is "" if it is best told by its numbers.
+    The name is "" if the constraint is best described by its numbers.
     """
 
     a: Floats
@@ -37,12 +37,12 @@ class LinearConstraint(NamedTuple):
 
 
 def scale_variable(k: int) -> cvxpy.Variable:
-    """Return a cvxpy variable (k,) called e, which stands for the scale.
+    """Return a cvxpy variable (k,), named e, which stands for the scale.
 
     e[0] is the worst of k levels, and e[k - 1] the best.
 
-    Linear constraints over it can be a comparator's ``prior=``. That e[0] is 0 and e[k - 1] is 1
-    goes without saying. Raises ValueError for k < 2.
+    Linear constraints over it can be a comparator's ``prior=``. You need not state that e[0] is 0
+    and e[k - 1] is 1. Raises ValueError for k < 2.
     """
     import cvxpy
 
@@ -50,7 +50,7 @@ def scale_variable(k: int) -> cvxpy.Variable:
 
 
 def is_constraint(thing: object) -> bool:
-    """Return whether this is a cvxpy constraint, without importing cvxpy."""
+    """Return whether an object is a cvxpy constraint, without importing cvxpy."""
     if "cvxpy" not in sys.modules:
         return False
     from cvxpy import Constraint
@@ -59,11 +59,11 @@ def is_constraint(thing: object) -> bool:
 
 
 def linear_rows(constraint: Any, k: int) -> LinearConstraint:
-    """Return the rows of a cvxpy constraint over a scale variable of k levels, two for an equality.
+    """Return the rows a e >= b of a cvxpy constraint over a scale variable, two for an equality.
 
     Rows that only restate that the scale goes from 0 to 1 are left out. Parameters have their
     current values. Coefficients are rounded only as Python would round them. Raise ValueError, with
-    advice, for all but linear (in)equalities of ``scale_variable(k)`` alone.
+    advice, unless the constraint is linear in ``scale_variable(k)`` alone.
     """
     called = " ".join((constraint.label or str(constraint)).split())
     _check_terms(constraint, k, called)
@@ -84,17 +84,14 @@ def linear_rows(constraint: Any, k: int) -> LinearConstraint:
 
 
 def _kinds() -> Any:
-    """Cvxpy's classes of constraints, which its types do not export."""
+    """Return cvxpy's classes of constraints, which its type hints do not export."""
     import cvxpy
 
     return cvxpy.constraints
 
 
 def _check_terms(constraint: Any, k: int, called: str) -> None:
-    """Raise ValueError unless the constraint is about the scale alone.
-
-    Every parameter must have a value.
-    """
+    """Raise ValueError unless a constraint is about the scale alone, with values of parameters."""
     variables = constraint.variables()
     if not variables:
         raise ValueError(
@@ -131,9 +128,9 @@ def _check_terms(constraint: Any, k: int, called: str) -> None:
 
 
 def _sides(constraint: Any, called: str) -> tuple[Any, Any]:
-    """The affine expressions of "more >= less" or "more == less".
+    """Return the two affine expressions of "more >= less" or "more == less".
 
-    Raises ValueError where there are none.
+    Raises ValueError if the constraint has no such sides.
     """
     args, of = constraint.args, _kinds()
     linear = of.Inequality, of.Equality, of.Zero, of.NonNeg, of.NonPos
@@ -162,13 +159,11 @@ def _sides(constraint: Any, called: str) -> tuple[Any, Any]:
 def _coefficients(
     expression: Any, variable: Any, k: int, shape: tuple[int, ...]
 ) -> tuple[Floats, Floats]:
-    """Return the coefficients (m, k) and constants (m,) of an affine expression.
+    """Return the coefficients (m, k) and constants (m,) of an affine expression of m entries.
 
-    It is stretched to a shape of m entries.
-
-    By evaluating a copy of it, so that the caller's variable keeps its value, at points so far out
-    that no constant is seen beside the coefficient's product; what is left of constants where that
-    is 0 goes with the difference.
+    They are found by evaluating a copy of the expression, so that the caller's variable keeps its
+    value. A coefficient comes from two opposite points, so far from 0 that constants vanish beside
+    the product.
     """
     import cvxpy
 
@@ -184,7 +179,7 @@ def _coefficients(
             .astype(np.float64)
         )
 
-    with np.errstate(all="ignore"):  # the caller looks for what overflowed
+    with np.errstate(all="ignore"):  # the caller looks for numbers that overflowed
         each = [
             (value(_FAR * unit) - value(-_FAR * unit)) / (2.0 * _FAR) + 0.0 for unit in np.eye(k)
         ]

@@ -1,4 +1,4 @@
-"""The Tutor protocol: whatever answers a query; and one that answers many at once."""
+"""The Tutor protocol, of anything that answers a query; and tutors that answer many at once."""
 
 from typing import Any, Protocol, cast, runtime_checkable
 
@@ -10,19 +10,19 @@ from elicit.model.query import Answer, Query, as_verdict
 
 @runtime_checkable
 class Tutor(Protocol):
-    """Answers queries.
+    """Anything that answers queries.
 
-    It sees only the query: no comparator, no learner, no problem. Any function from a Query to an
-    Answer is one, whatever it calls the query.
+    A tutor sees only the query: no comparator, no learner, no problem. Any function from a Query to
+    an Answer is a tutor, whatever the name of its argument.
     """
 
     def __call__(self, query: Query, /) -> Answer:
-        """The answer to this query; its verdict is None where the tutor cannot tell."""
+        """Return the answer to this query. Its verdict is None if the tutor cannot tell."""
 
 
 @runtime_checkable
 class KnowsLevels(Tutor, Protocol):
-    """One made for a number of levels, which has to be that of the questions."""
+    """A tutor for a fixed number of levels, which must be that of the questions."""
 
     @property
     def k(self) -> int:
@@ -31,13 +31,13 @@ class KnowsLevels(Tutor, Protocol):
 
 @runtime_checkable
 class TutorOfMany(Tutor, Protocol):
-    """A tutor that can also answer many questions at once, without queries.
+    """A tutor that can also answer many questions at once, without Query objects.
 
-    Learners that ask millions make use of it.
+    Learners that ask millions of questions use it.
     """
 
     def signs(self, d: ArrayLike) -> NDArray[np.int8]:
-        """Return answers (n,) in {-1, 0, +1} to differences d (n, k).
+        """Return answers (n,) in {-1, 0, +1} to questions about differences d (n, k).
 
         They are the same as to n queries in that order.
         """
@@ -45,18 +45,18 @@ class TutorOfMany(Tutor, Protocol):
 
 @runtime_checkable
 class CountsErrors(Tutor, Protocol):
-    """A simulated one, which knows the truth and how often it did not tell it."""
+    """A simulated tutor, which knows the true scale and counts its own wrong answers."""
 
     @property
     def realised_error_rate(self) -> float:
-        """The share of its answers that were wrong; nan before the first."""
+        """The share of the tutor's answers that were wrong; nan before the first."""
 
 
 def answer_of(reply: Any, query: Query, who: str | None = None) -> Answer:
-    """Return a tutor's reply as an Answer to the query, where it is a number.
+    """Return a tutor's reply as an Answer to the query, if the reply is a number.
 
-    1, 0 and -1 are verdicts, also as floats: ``np.sign`` of a float is one. Whatever else is no
-    number is returned as it is, for ``match`` to refuse.
+    1, 0 and -1 are verdicts, also as floats, such as those of ``np.sign``. Any other reply is
+    returned as it is. ``match`` refuses it if it is not an Answer.
     """
     whole = isinstance(reply, (float, np.floating)) and reply in (-1.0, 0.0, 1.0)
     if whole or isinstance(reply, (int, np.integer)):
@@ -65,9 +65,9 @@ def answer_of(reply: Any, query: Query, who: str | None = None) -> Answer:
 
 
 def check_tutor_made(tutor: object, k: int) -> None:
-    """Raise TypeError for anything but a tutor, such as the class of one.
+    """Raise TypeError unless the object is a tutor. A tutor's class is not.
 
-    Raises ValueError for one who was made for another number of levels than k.
+    Raises ValueError if the tutor is for another number of levels than k.
     """
     if isinstance(tutor, type):
         raise TypeError(

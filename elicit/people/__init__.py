@@ -1,9 +1,9 @@
 """Answers that real people gave in public experiments: loaders, and a tutor that replays them.
 
 ``lotteries`` turns a lottery over amounts into shares over levels. ``experiments`` loads tables of
-choices, one answer log a person. ``replay`` lets a learner choose the order of questions that were
-put to a person many times. ``rankin`` has published weights of a medical scale. Imports from
-``model``, ``tutors`` and ``_support``.
+choices as answer logs, a log for each person. ``repeated_answers`` replays a person who answered
+the same questions many times, in any order. ``rankin`` has published weights of a medical scale.
+This folder imports from ``model``, ``tutors`` and ``_support``.
 """
 
 from elicit.people.experiments import GAMBLES, lottery_choices, repeated_gambles

@@ -1,7 +1,7 @@
-"""Tables of choices of real people as answer logs, one a person.
+"""Tables of real people's choices, loaded as answer logs, a log for each person.
 
 Each loader names the experiment and where its numbers are. A table whose licence lets it be shipped
-is in ``data/``; any other one is read from a path.
+is in ``data/``. Any other table is read from a path.
 """
 
 from __future__ import annotations
@@ -70,21 +70,22 @@ def repeated_gambles(
     ----------
     path : str or path, optional
         A table with the columns participant, set, left, right, left_better, right_better,
-        indifferent, one row a pair. None: the table that is shipped, 18 people who answered each
+        indifferent, and a row for each pair. None: the shipped table, 18 people who answered each
         pair 20 times (Regenwetter, Dana and Davis-Stober 2011; indifference was not offered). The
         table of Regenwetter and Davis-Stober (2012), 30 people who answered 45 times and could say
-        "indifferent", is the data set ``regenwetter2012`` of the R package multinomineq (GPL-3): it
+        "indifferent", is the data set ``regenwetter2012`` of the R package multinomineq (GPL-3). It
         is not shipped, and has to be written in these columns.
     sets : sequence of int
-        Sets of gambles, of ``GAMBLES``. Set 3, whose prizes have no agreed order, has no levels.
+        Sets of gambles, of ``GAMBLES``. Set 3 has no levels, because its prizes have no agreed
+        order.
     seed : int, SeedSequence, Generator or None
-        Of the order of the answers: the tables count them, and do not tell when each was given.
+        Draws the order of the answers: the tables only count them, without their times.
 
     Returns
     -------
     dict of str to AnswerLog
         By participant. "Indifferent" is EQUAL. The header has the labels, the amounts of the
-        levels, and the source. Sides are not on record.
+        levels, and the source. The tables do not say which side was shown left.
 
     Raises
     ------
@@ -218,12 +219,12 @@ def _labels(knots: Iterable[float]) -> tuple[str, ...]:
 
 
 def _columns(side: str) -> tuple[str, ...]:
-    """Return the columns of one lottery's amounts, then those of its probabilities."""
+    """Return the names of a lottery's columns: first the amounts, then the probabilities."""
     return tuple(f"{what}{i}{side}" for what in "xp" for i in range(1, 5))
 
 
 def _lottery(row: Mapping[str, str], side: str, line: str) -> tuple[list[float], list[float]]:
-    """Return the amounts and probabilities of one side, without impossible ones."""
+    """Return the amounts and probabilities of a row's lottery, without probabilities of 0."""
     amounts, chances = [], []
     for i in range(1, 5):
         amount, chance = (_number(row[f"{what}{i}{side}"], line) for what in "xp")
@@ -234,7 +235,7 @@ def _lottery(row: Mapping[str, str], side: str, line: str) -> tuple[list[float],
 
 
 def _rows(path: Path, columns: Sequence[str]) -> Iterator[tuple[str, dict[str, str]]]:
-    """Yield the place of each row, for messages, and the row."""
+    """Yield each row of a table, with its place in the file for messages."""
     with open(path, newline="", encoding="utf-8") as file:
         reader = csv.DictReader(file)
         missing = [name for name in columns if name not in (reader.fieldnames or ())]

@@ -27,7 +27,7 @@ def shares_over(knots: ArrayLike, amounts: ArrayLike, probabilities: ArrayLike) 
     knots : (k,)
         Amounts of the levels, increasing.
     amounts : (m,)
-        What the lottery pays. Each lies within the range of the knots.
+        The amounts that the lottery may pay, within the range of the knots.
     probabilities : (m,)
         At least 0, with total 1. They are divided by their total, which may be off by rounding.
 
@@ -41,7 +41,7 @@ def shares_over(knots: ArrayLike, amounts: ArrayLike, probabilities: ArrayLike) 
     ------
     ValueError
         If the knots do not increase, an amount lies outside their range, or the probabilities are
-        none.
+        not valid.
 
     Examples
     --------
@@ -76,7 +76,7 @@ def shares_over(knots: ArrayLike, amounts: ArrayLike, probabilities: ArrayLike) 
 
 
 def knots_of(amounts: Iterable[float], levels: int) -> tuple[float, ...]:
-    """Return so many of these amounts as knots, evenly spaced by rank.
+    """Return ``levels`` of these amounts as knots, evenly spaced by rank.
 
     Parameters
     ----------

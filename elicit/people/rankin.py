@@ -4,8 +4,8 @@ The scale says how disabled somebody is after a stroke, from 0 (no symptoms) to 
 are ordered, and studies disagree on what each is worth. Here levels run from the worst to the best,
 as everywhere in this package, so the last is Rankin 0.
 
-Trials report shares of patients at each level. Where a report pools levels, so does this module: it
-counts the pooled patients at one of them, and says so.
+Trials report shares of patients at each level. Some reports pool several levels. Then the pooled
+patients are counted at one of these, as ``Trial.pooled`` says.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _EXACT = 1e-9  # differences in worth below this are rounding: published weights
 
 
 class Weights(NamedTuple):
-    """Published worth of each level, (7,) worst first, and the study that it is from."""
+    """Published values of the levels, (7,) worst first, and the study that they are from."""
 
     values: tuple[float, ...]
     source: str
@@ -79,13 +79,13 @@ def trials(better: bool = False) -> dict[str, Trial]:
     Parameters
     ----------
     better : bool
-        Where a report pools levels, count its patients at the best of them. By default they count
-        at the worst.
+        If a report pools levels, count its patients at the best of these. By default they are
+        counted at the worst.
 
     Returns
     -------
     dict of str to Trial
-        Shares of each arm total 1. Reports round to whole percents or tenths, so they are divided
+        Shares of each arm total 1. Reports round to whole percents or tenths, so shares are divided
         by their total.
 
     Examples
@@ -96,7 +96,10 @@ def trials(better: bool = False) -> dict[str, Trial]:
     """
 
     def shares(*parts: tuple[float, int, int]) -> tuple[float, ...]:
-        """Return shares (7,) from percents of Rankin ``best`` to ``worst``, each pool at an end."""
+        """Return shares (7,) from percents at Rankin ``best`` to ``worst``.
+
+        A pooled percentage is counted at one end of its pool.
+        """
         row = np.zeros(len(LEVELS))
         for percent, best, worst in parts:
             row[len(LEVELS) - 1 - (best if better else worst)] += percent
@@ -155,10 +158,10 @@ def trials(better: bool = False) -> dict[str, Trial]:
 
 
 def programmes(better: bool = False) -> tuple[tuple[str, ...], Floats]:
-    """Return what happens if a hospital can afford only one of the treatments.
+    """Return the outcomes of all patients if a hospital can afford only one of the treatments.
 
-    It sees equally many patients of each trial. With a programme, those of its trial are treated,
-    and all others have the outcomes of their control arms.
+    The hospital sees equally many patients of each trial. In each programme the patients of one
+    trial are treated, and all others have the outcomes of their control arms.
 
     Parameters
     ----------
@@ -179,7 +182,7 @@ def programmes(better: bool = False) -> tuple[tuple[str, ...], Floats]:
 
 
 def worth(shares: ArrayLike, weights: Weights) -> Floats:
-    """Return the mean worth (n,) of shares (n, 7), between the worst level's, 0, and the best's, 1.
+    """Return the mean value (n,) of shares (n, 7), from 0 for the worst level to 1 for the best.
 
     Parameters
     ----------
@@ -191,7 +194,7 @@ def worth(shares: ArrayLike, weights: Weights) -> Floats:
     Raises
     ------
     TypeError
-        If ``weights`` are none, such as the name of some.
+        If ``weights`` is no Weights, such as only a name.
     ValueError
         If there are not seven weights, or they are all the same, or shares are not of seven levels.
     """
@@ -215,9 +218,9 @@ def tutor_of(weights: Weights) -> Callable[[Query], Answer]:
     Raises
     ------
     TypeError
-        If ``weights`` are none, such as the name of some.
+        If ``weights`` is no Weights, such as only a name.
     ValueError
-        If there are not seven weights; by the tutor, for a query about other levels.
+        If there are not seven weights. The tutor raises it for a query about other levels.
 
     Examples
     --------

@@ -17,22 +17,22 @@ _PURPOSE = name_code("order of a person's repeats")
 
 
 class NoRepeatLeft(LookupError):
-    """The person was never asked about this pair, or all of their answers to it were used."""
+    """Error if the person was never asked about a pair, or all their answers to it were given."""
 
 
 class RepeatedAnswersTutor:
-    """Answers as a person did who was asked about each of a few pairs many times.
+    """A tutor that replays a person who answered each of a few pairs many times, in any order.
 
     Each call gives one of the person's answers to the pair that was not given before. So a learner
     may ask in any order, and ask again. Which answer comes depends on the seed, the pair, and how
     often the pair was asked before. It does not depend on the other questions.
-    (``elicit.ReplayTutor`` replays the log of one run, in its order.)
+    (``elicit.ReplayTutor`` replays the log of a run, in its order.)
 
     Parameters
     ----------
     log : AnswerLog, its entries, or Answers
-        Of one person, as the loaders of ``elicit.people`` return it. Retracted answers and "cannot
-        tell" are left out. All answers are about the same number of levels.
+        A person's answers, as the loaders of ``elicit.people`` return them. Retracted answers and
+        "cannot tell" are left out. All answers are about the same number of levels.
     seed : int, SeedSequence, Generator or None
 
     Raises
@@ -81,7 +81,7 @@ class RepeatedAnswersTutor:
         return self._k
 
     def __call__(self, query: Query) -> Answer:
-        """Return one of the person's unused answers to the query's pair.
+        """Return one of the person's answers to the query's pair that was not given before.
 
         Raises
         ------
@@ -100,7 +100,7 @@ class RepeatedAnswersTutor:
         return Answer(query, Verdict(way * verdict), swapped ^ (way < 0))
 
     def left_over(self, query: Query) -> int:
-        """Return how many unused answers there are to the query's pair; 0 if it was never put."""
+        """Return how many answers to the query's pair were not given yet; 0 if it was never put."""
         try:
             pair, _ = self._find(query)
         except NoRepeatLeft:
@@ -108,12 +108,13 @@ class RepeatedAnswersTutor:
         return len(self._repeats[pair]) - int(self._used[pair])
 
     def truth(self, query: Query) -> Verdict | None:
-        """Return the most frequent of the unused answers to the query's pair, in terms of its left.
+        """Return the most frequent answer among those to the query's pair that were not given yet.
 
         Returns
         -------
         Verdict or None
-            None if no answer is left, or if two verdicts are equally frequent.
+            In terms of the query's left vector. None if no answer is left, or if two verdicts are
+            equally frequent.
 
         Raises
         ------
@@ -129,7 +130,7 @@ class RepeatedAnswersTutor:
         return Verdict(int(best[0]) - 1) if len(best) == 1 else None
 
     def _find(self, query: Query) -> tuple[int, int]:
-        """Return the number of the query's pair, and 1, or -1 if it is exchanged."""
+        """Return the number of the query's pair, and 1, or -1 if left and right are exchanged."""
         if len(query.left) != self._k:
             raise ValueError(
                 f"the person was asked about {self._k} levels, "

@@ -1,4 +1,4 @@
-"""Protocols that a session needs of an asker, how an answer is told, and which answers count."""
+"""The protocols of an asker, as a session needs them; telling an answer; which answers count."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
@@ -15,15 +15,15 @@ tells whether a query's difference was answered before."""
 
 @runtime_checkable
 class Asker(Protocol):
-    """Protocol of whatever asks and is told answers.
+    """Protocol of an asker: anything with ``ask``, ``tell`` and ``result``.
 
-    It is a learner of qlearn, or the result of ``choose``.
+    Examples are a learner of qlearn, and the object that ``choose`` returns.
     """
 
     def ask(self) -> Sequence[Query]:
         """Return the pending queries, or none when finished.
 
-        They are the same until they are answered.
+        They stay the same until they are answered.
         """
 
     def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> Any:
@@ -42,16 +42,16 @@ class Asker(Protocol):
         """
 
     def result(self) -> Any:
-        """Return the findings so far."""
+        """Return what the asker has found so far."""
 
 
 @runtime_checkable
 class Audits(Protocol):
-    """Protocol of an asker that also asks questions whose answers it could infer."""
+    """Protocol of an asker that also asks questions whose answers follow from others."""
 
     @property
     def implied(self) -> Mapping[str, Verdict]:
-        """Verdicts that the answers so far imply, by the id of the pending query."""
+        """The verdicts that the answers so far imply for pending queries, by query id."""
 
 
 @runtime_checkable
@@ -60,7 +60,7 @@ class Compares(Protocol):
 
     @property
     def comparator(self) -> Comparator:
-        """The comparator, which holds what is known of the scale."""
+        """The comparator with all answers learned so far."""
 
 
 MakeAsker: TypeAlias = Callable[[list[Entry]], Asker]
@@ -71,8 +71,8 @@ lambda known: qlearn.InteractiveValueIteration(mdp, comparator, known=known)."""
 class AfterAnswer(NamedTuple):
     """An asker that was told an answer.
 
-    ``contradicts`` has the ids of the answers that contradict each other, this one among them, if
-    it had to be dropped; otherwise None.
+    If the answer contradicts others it was dropped, and ``contradicts`` has the ids of the answers
+    that contradict each other, including this one. Otherwise it is None.
     """
 
     asker: Asker
@@ -80,9 +80,9 @@ class AfterAnswer(NamedTuple):
 
 
 class Supposed(NamedTuple):
-    """An asker that knows other answers than those that stand.
+    """An asker that knows other answers than those in the log, to see what they would change.
 
-    ``used`` of the ``of`` answers that now stand, and say more than "cannot tell", would be used.
+    Of the answers that stand in the log with a verdict, ``of`` in number, it would use ``used``.
     """
 
     asker: Asker
@@ -112,5 +112,5 @@ def tell(asker: Asker, answer: Answer) -> list[str] | None:
 
 
 def counts(entry: Entry) -> bool:
-    """Return whether an answer stands and is used, or would be used if it contradicted no other."""
+    """Return whether an answer stands, and is used unless it contradicts others."""
     return entry.stands and (entry.used or CONTRADICTS in entry.metadata)

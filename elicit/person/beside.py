@@ -1,8 +1,8 @@
 """Computations beside the screens of an interview, in a thread, while the person reads.
 
-They are the next question after each possible answer, the notes beside a question, the forecasts
-of the welcome, and what each choice in a conflict would leave. The messages that ask for them do
-not wait for them, and they wait for no message.
+They are: the next question after each possible answer, the notes beside a question, the forecasts
+on the welcome screen, and the result of each choice in a conflict. Messages that ask for these get
+what is known by then, without waiting.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ _LIKELY_FIRST = (Verdict.BETTER, Verdict.WORSE, Verdict.EQUAL, None)
 
 
 class LookAhead:
-    """Copies of an asker, each told another answer, so that their next questions are known already.
+    """Copies of an asker, each told another possible answer, so that the next questions are ready.
 
-    ``steps`` computes the remaining ones. It may run in another thread than ``told``.
+    ``steps`` computes the copies. It may run in another thread than ``told``.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class LookAhead:
     query : Query
         The pending query.
     swapped : bool
-        True if the query is shown right to left.
+        True if the query is shown with left and right exchanged.
     who : str, optional
         The person who will answer.
     """
@@ -69,7 +69,7 @@ class LookAhead:
         self._ahead = MadeAhead[Verdict | None, AfterAnswer]()
 
     def steps(self) -> Iterator[None]:
-        """Compute one answer a step. A step that fails is left out."""
+        """Compute the asker after a possible answer in each step. A step that fails is left out."""
         return self._ahead.steps(
             {verdict: partial(self._after, verdict) for verdict in _LIKELY_FIRST}
         )
@@ -82,13 +82,13 @@ class LookAhead:
         return found
 
     def waits_for(self, asker: Asker, query: Query) -> bool:
-        """Return whether this looks ahead to the answers to this query of this asker."""
+        """Return whether this object was made for this query of this asker."""
         return asker is self.asker and query.id == self.query.id
 
     def told(self, asker: Asker, answer: Answer) -> AfterAnswer | None:
         """Return the asker after this answer, or None if that was not computed.
 
-        The asker is given away. If it is being computed, the call waits for it.
+        It is returned only once. If it is being computed, the call waits for it.
 
         Parameters
         ----------
@@ -108,7 +108,10 @@ class LookAhead:
 
 @dataclass(frozen=True, eq=False)
 class _Computed:
-    """Computations beside a question (``shown``: its id) for this asker, if it could be copied."""
+    """Results of the computations beside a question, whose id is ``shown``.
+
+    There are none if the asker cannot be copied.
+    """
 
     shown: str
     asker: Asker
@@ -117,13 +120,13 @@ class _Computed:
 
 
 class Company(Closing):
-    """Interviews about one subject, and what they share. ``close`` ends its work.
+    """Shared work of several interviews about the same subject. ``close`` ends it.
 
     Parameters
     ----------
     several : bool
-        True if there are several interviews. What one of them needs must then go on when another
-        one no longer does.
+        True if there are several interviews. Shared work then goes on if one of them no longer
+        needs it.
     """
 
     def __init__(self, several: bool = False) -> None:
@@ -133,15 +136,15 @@ class Company(Closing):
         self._prospects: Prospects | None = None
 
     def foresee(self, prospects: Prospects, own: Background) -> Prospects:
-        """Return prospects that are computed now, or others of the same numbers of questions.
+        """Return the forecasts for these numbers of questions, and have them computed.
 
-        Before their first answer all people have the same prospects, so these are computed once.
+        Before the first answer they are the same for all people, so they are computed once.
 
         Parameters
         ----------
         prospects : Prospects
         own : Background
-            The interview's own, for work that nobody shares.
+            The interview's own thread, for work that is not shared.
         """
         with self._lock:
             if self._several and self._prospects is None:
@@ -153,14 +156,14 @@ class Company(Closing):
         return prospects
 
     def close(self) -> None:
-        """End the work."""
+        """End the background work."""
         self._background.close()
 
 
 class Beside(Closing):
-    """Computes beside the screens of an interview.
+    """Computes in a thread, beside the screens of an interview.
 
-    The messages that read what it found do not wait for one that is being answered.
+    Messages that read the results do not wait for another message that is being answered.
 
     Parameters
     ----------
@@ -170,7 +173,7 @@ class Beside(Closing):
         The person's choices, which may change.
     drawing : Drawing
     company : Company
-        What it shares with other interviews.
+        What is shared with other interviews.
     """
 
     def __init__(
@@ -187,7 +190,7 @@ class Beside(Closing):
         self._background = Background(company.turns)
         self._beside: _Computed | None = None
         self._prospects: Prospects | None = None
-        self._pace = Pace()  # then: whoever does not hold the lock may not read the log
+        self._pace = Pace()  # then: without the lock the log must not be read
         self._weighed: Consequences[Supposed] | None = None
         self._since: list[Verdict | None] = []  # verdicts since then
         self._conduct = Conduct.of(())  # before this question
@@ -199,19 +202,19 @@ class Beside(Closing):
         self._needed = (0, 0)  # answers and checks that must still come after this question
 
     def start(self, steps: Iterator[None]) -> None:
-        """Compute steps in place of what is computed now."""
+        """Compute these steps in place of the present ones."""
         self._background.start(steps)
 
     def stop(self) -> None:
-        """Give up what is computed now."""
+        """Stop the present computation."""
         self._background.stop()
 
     def close(self) -> None:
-        """Give up what is computed now, and wait until no thread is left."""
+        """Stop the present computation, and wait until its thread has ended."""
         self._background.close()
 
     def foresee(self) -> None:
-        """Start to compute what each budget will likely prove."""
+        """Start to compute what each planned number of questions is likely to prove."""
         if self._prospects is None and (twin := self._session.twin()) is not None:
             self._pace = pace = Pace.of(self._session.log)
             numbers = [pace.questions_in(minutes) for minutes in MINUTES]
@@ -220,7 +223,7 @@ class Beside(Closing):
             self._prospects = self._company.foresee(prospects, self._background)
 
     def prospects(self, started: bool) -> dict[str, Any]:
-        """Return what the budgets will likely prove, as far as it is known.
+        """Return what each planned number of questions is likely to prove, as far as it is known.
 
         Parameters
         ----------
@@ -246,7 +249,7 @@ class Beside(Closing):
         }
 
     def weigh(self, conflict: Mapping[str, Any]) -> None:
-        """Start to compute what each choice in a conflict would leave."""
+        """Start to compute the result of each choice in a conflict."""
         session, id = self._session, str(conflict["id"])
         if not session.makes_askers or (self._weighed and self._weighed.id == id):
             return
@@ -293,9 +296,9 @@ class Beside(Closing):
         ----------
         shown : Shown
         conduct : Conduct
-            That of the answers before this question.
+            The conduct in the answers before this question.
         needed : (2,) int
-            Answers, and checks, that must still come after this one.
+            Numbers of answers, and of checks, that must still come after this one.
         no_others : bool
             True if no others come.
         """
@@ -336,7 +339,7 @@ class Beside(Closing):
         self._background.start(chain(instead, looks, outlook.steps()))
 
     def _note_stated(self, now: _Computed | None) -> None:
-        """Note the loss that was stated beside the last question, if it was."""
+        """Note the loss that the last question's notes stated to the person, if they did."""
         outlook = None if now is None else now.outlook
         if now is None or outlook is None:
             return
@@ -346,7 +349,7 @@ class Beside(Closing):
             self._stated = Stated(outlook.loss)
 
     def told_ahead(self, asker: Asker, answer: Answer) -> AfterAnswer | None:
-        """Return the asker after an answer, if computed, and give up the other computations."""
+        """Return the asker after an answer if it was computed, and stop other computations."""
         ahead = None if self._beside is None else self._beside.ahead
         found = None if ahead is None else ahead.told(asker, answer)
         self._background.stop()
@@ -357,16 +360,16 @@ class Beside(Closing):
         return not shown_of(self._subject, query).exact
 
     def _ends(self, query: Query) -> bool:
-        """Return whether a session like this one has no question left in front of a query."""
+        """Return whether a session like this one would end in place of asking a query."""
         return not self._session.makes_askers and self._rounded(query)
 
     def forget(self, answered: bool = False) -> None:
-        """Discard what was computed, and give up the rest.
+        """Discard what was computed, and stop the rest.
 
         Parameters
         ----------
         answered : bool
-            True if nothing but one more answer is the reason.
+            True if the only reason is one more answer.
         """
         self._note_stated(self._beside)
         if not answered:
@@ -405,7 +408,7 @@ class Beside(Closing):
         }
 
     def _with_checks(self, number: int) -> int:
-        """Return how many questions come if so many answers after this one do."""
+        """Return the number of questions to come, with checks, if so many are no checks."""
         checks = self._needed[1]
         if self._subject.least and self._session.audits:
             checks = self._conduct.checks_beside(number + 1, checks)
@@ -414,9 +417,9 @@ class Beside(Closing):
     def _to_come(self, played: tuple[int, int] | None) -> list[int] | None:
         """Return the range of questions to come that is shown, or None if nothing is known.
 
-        ``played`` is that of sessions that were played from here on. Without it, it is the
-        welcome's forecast. Whoever asked for more is asked about levels until all are known, and
-        where the result must be sure enough, until it is, which mostly takes fewer.
+        ``played`` are the lengths of sessions simulated from here on. Without them the range comes
+        from the forecast on the welcome screen. A person who asked for more questions gets them
+        until all levels are known, or until the result is sure enough, which mostly takes fewer.
         """
         put, least = self._conduct.put, sum(self._needed)
         if self._no_others:

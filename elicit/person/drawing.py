@@ -43,7 +43,7 @@ _IF_MEANT = "if every answer is meant as it was given"
 
 
 class Drawing:
-    """Draws what only reads a session: the welcome, a conflict, the end, the report, the tables.
+    """Draws screens that only read a session: welcome, conflict, end, report and tables.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class Drawing:
         self._found: tuple[tuple[int, int], tuple[tuple[Entry, ...], ...]] | None = None
 
     def welcome(self) -> dict[str, Any]:
-        """Return the welcome, as the screen has it."""
+        """Return the fields of the welcome screen."""
         words, start = self._subject.words, self._questions.at_start()
         loss = None if start is None else start.loss
         compare = f"Each question shows two {words.side}s of {words.unit}. You choose one of them."
@@ -79,7 +79,7 @@ class Drawing:
         }
 
     def in_prospect(self, found: Prospect) -> str:
-        """Return a sentence on what so many questions will likely prove."""
+        """Return a sentence on what a number of questions is likely to prove."""
         words, n = self._subject.words, found.sessions
         if found.settled == n:
             return f"Settled in all {n} simulated sessions."
@@ -90,10 +90,10 @@ class Drawing:
         return printable(f"{said} Half of all {n} could still lose {most}.")
 
     def _before(self, loss: float) -> str:
-        """Return a sentence on what could be lost before the first answer."""
+        """Return a sentence on the loss that was possible before the first answer."""
         words = self._subject.words
         most = in_unit(loss, words.unit, self._subject.labels, words.loss)
-        return f"Before your first answer, the result could lose {most}."
+        return f"Without your answers the result could lose {most}, compared with your ideal one."
 
     def _conflicts_found(self) -> tuple[tuple[Entry, ...], ...]:
         """Return ``Session.conflicts``, which are computed once for the same answers."""
@@ -104,7 +104,7 @@ class Drawing:
         return self._found[1]
 
     def repeat_conflict(self, first: Entry, again: Entry) -> dict[str, Any]:
-        """Return the conflict of a repeat with the first answer, as the screen has it."""
+        """Return the screen's conflict between a repeat's answer and the first answer."""
         choices = [
             {"choice": "first", "label": "What I said before"},
             {"choice": "second", "label": "What I said now"},
@@ -129,7 +129,7 @@ class Drawing:
         }
 
     def contradiction(self, among: Sequence[Entry]) -> dict[str, Any]:
-        """Return the conflict of answers that contradict each other, as the screen has it."""
+        """Return the screen's conflict between answers that contradict each other."""
         numbers = self._numbers()
         shown = [
             self._as_shown(entry, f"Answer {numbers[id_]}")
@@ -173,10 +173,10 @@ class Drawing:
         }
 
     def left_by(self, levels: Sequence[int], after: Supposed) -> str:
-        """Return what a choice in a conflict would say of some levels, and the answers it keeps.
+        """Return a sentence on the result of a choice in a conflict: some levels, and answers kept.
 
-        What the result could then lose is not said: people took the choice that lost least, and
-        not the one they meant.
+        The possible loss of the result is not in it: people took the choice with the least loss,
+        and not the one they meant.
         """
         n = after.of - after.used
         kept = f"It leaves {in_answers(n)} out." if n > 0 else ""
@@ -202,7 +202,7 @@ class Drawing:
         }
 
     def _as_put(self, entry: Entry) -> Shown:
-        """Return the question of an answer with the sides as the person saw them."""
+        """Return the question of an answer, with its sides as the person saw them."""
         return replace(shown_of(self._subject, entry.answer.query), swapped=entry.answer.swapped)
 
     def _numbers(self) -> dict[str, int]:
@@ -274,12 +274,12 @@ class Drawing:
         }
 
     def name_of(self, what: str) -> str:
-        """Return the one name that screens and files give a table to keep."""
+        """Return the name that screens and files give to a table."""
         found = self._concluded().result if what == "plan" else None
         return (found.title if found is not None else "") or what.capitalize()
 
     def table(self, what: str) -> list[dict[str, Any]]:
-        """Return the rows of a table to keep, as ``Interview.table`` describes them."""
+        """Return the rows of a table to keep (see ``Interview.table``)."""
         if what == "answers":
             among = {entry["id"] for entries in self._conflicts() for entry in entries}
             return [
@@ -314,7 +314,7 @@ class Drawing:
         return self._subject.conclude(self._session.result(), None if start is None else start.loss)
 
     def end(self, open_still: bool) -> dict[str, Any]:
-        """Return the result, as the screen has it at the end.
+        """Return the fields of the screen at the end, with the result.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Findings of a session about the scale, in numbers that a person reads."""
+"""Findings of a session about the scale, as numbers for a person to read."""
 
 from __future__ import annotations
 
@@ -23,27 +23,29 @@ NOT_KNOWN = (
     "A dashed bar is a level that is not known yet: its range is still too wide for a best guess, "
     "or no answer is about it."
 )
-"""The sentence that goes with a level whose best guess is not shown."""
+"""The sentence beside levels whose best guess is not shown."""
 NOT_NEEDED = (
     "What is not known yet matters too little to this result to ask more. More questions would "
     "show what these levels are worth too."
 )
-"""The sentence that goes with such levels where the result is settled."""
+"""The sentence beside such levels if the result is settled."""
 OVERLAP = (
     "Ranges may overlap although the order is fixed: wherever two levels lie in their ranges, the "
     "better one is never worth less."
 )
-"""The sentence that goes with ranges that overlap."""
+"""The sentence beside ranges that overlap."""
 
 
 class ScaleRow(NamedTuple):
     """The value of a level, from 0 to 100: the best guess, and an interval.
 
-    The interval is rounded outwards to whole numbers. ``asked`` is False for a level that no answer
-    is about: its best guess is a guess of the program's, not of the person's. ``known`` is False
-    for a level whose best guess says too little to be shown: no answer is about it, or its interval
-    is wider than 20 and covers more than a third of the room between its neighbours. That room is
-    from the low end of the next worse level to the high end of the next better one.
+    The interval is rounded outwards to whole numbers. ``asked`` is False if no answer is about the
+    level: its best guess then comes from the program, not from the person.
+
+    ``known`` is False if the best guess says too little to be shown. Either no answer is about the
+    level, or its interval is wider than 20 and covers more than a third of the room between its
+    neighbours. That room is from the low end of the next worse level to the high end of the next
+    better one.
     """
 
     label: str
@@ -74,10 +76,9 @@ def is_known(low: float, high: float, worse_low: float, better_high: float) -> b
 
 
 def asked_levels(log: Iterable[Entry]) -> set[int]:
-    """Return the levels (0 the worst) that an answer is about.
+    """Return the levels (0 the worst) that an informative answer is about.
 
-    The answer stands, is used, and says more than "cannot tell" and than the order of the levels
-    does.
+    Such an answer stands, is used, has a verdict, and does not follow from the order of the levels.
     """
     said = [
         entry.answer.query.d for entry in log if entry.used and entry.answer.verdict is not None

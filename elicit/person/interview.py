@@ -144,20 +144,20 @@ from elicit.tutors.log_file import BadLog
 _MORE_AFTER_CAUTION = 10  # answers until a caution that the person passed over is said again
 _LONGEST_NAME = 80
 _ONLY_READ = ("answers", "report", "download")
-# these read what a thread computes, so neither waits for the other
+# these read a thread's results, so neither waits for the other
 _READ_AT_ONCE = ("outlook", "prospects", "consequences")
 
 
 class SavedWithoutScreen(Exception):
-    """The message was taken and is saved, but the screen after it could not be made.
+    """Error: the message was taken and is saved, but the next screen could not be made.
 
-    The same message may be sent again: it counts once, and its reply is then the screen.
+    The same message may be sent again. It counts only once, and the reply is then the screen.
     """
 
 
 @dataclass(frozen=True, eq=False)
 class Progress:
-    """The point at which an interview stood after its last message.
+    """The state of an interview after its last message.
 
     Attributes
     ----------
@@ -166,7 +166,7 @@ class Progress:
     comparator : Comparator or None
         What is known of the person's scale. None if the asker does not say.
     stage : str or None
-        The stage of the last screen. None as long as the person did not come.
+        The stage of the last screen. None if the person has not come yet.
     settled : bool
         True if that screen was a result that is settled.
     minutes : int or None
@@ -192,7 +192,7 @@ class Progress:
 
 
 class Interview(Closing):
-    """A session as screens and messages (see the module).
+    """A session as screens and messages, which the module describes.
 
     While the person reads, a thread computes the next question after each possible answer.
     ``close``, or leaving the Interview as a context manager, ends it. The session stays open.
@@ -202,13 +202,13 @@ class Interview(Closing):
     session : Session
     subject : Subject
     company : Company, optional
-        What it shares with other interviews about the same subject in the same process.
+        What is shared with other interviews about the same subject in the same process.
 
     Raises
     ------
     ValueError
-        For something that is no message. The methods also raise what ``Session``, its asker and its
-        log raise, after which the same message may be sent again.
+        For something that is no message. The methods also raise the errors of ``Session``, its
+        asker and its log. After these the same message may be sent again.
     """
 
     def __init__(self, session: Session, subject: Subject, company: Company | None = None) -> None:
@@ -222,7 +222,7 @@ class Interview(Closing):
         """The question of the last screen, for hosts that draw it themselves; None if it has
         none.
         """
-        # whoever resumes without an answer sees the welcome, and chooses anew
+        # a person who resumes without an answer sees the welcome, and chooses again
         self._chosen = Choices.of(session.log.asked) if self._started else Choices()
         self._kept = replace(self._chosen)  # as the log has them
         self._questions = NextQuestion(session, subject, self._chosen)
@@ -249,7 +249,7 @@ class Interview(Closing):
             "download": self._drawing.download,
         }
         self.progress = self._progress(None)
-        """The point at which it stood after the last message."""
+        """The state of the interview after the last message."""
 
     def handle(self, message: Mapping[str, Any]) -> dict[str, Any]:
         """Return the reply to a message.
@@ -304,27 +304,27 @@ class Interview(Closing):
             return screen
 
     def _written(self) -> tuple[int, int]:
-        """Return the number of answers in the log, and of those that were taken back."""
+        """Return the numbers of answers in the log, and of those that were taken back."""
         log = self._session.log
         return len(log), sum(entry.retracted for entry in log)
 
     def _begin_anew(self) -> None:
-        """Discard all that was computed, for a failure may have left it half done.
+        """Discard all that was computed, because a failure may have left it half done.
 
-        The next message computes it again from the log, so that whoever tries again can go on.
+        The next message computes it again from the log.
         """
         self._forget()
         self._session.discard()
 
     @property
     def who(self) -> str:
-        """The name of the person, for messages to whoever runs the program."""
+        """The name of the person, for messages to the person who runs the program."""
         return printable(self._session.who or "a person without a name")
 
     def take_no_more(self, note: str) -> None:
         """Take no more answers. From now on every screen is the result, with this note.
 
-        Nothing is written to the log any more once this returns.
+        After this returns, nothing more is written to the log.
 
         Parameters
         ----------
@@ -409,7 +409,7 @@ class Interview(Closing):
             return {**screen, "stage": "offer", "offer": offer}
         query = session.question()
         shown_now = None if query is None else shown_of(self._subject, query)
-        if shown_now is None or not shown_now.exact:
+        if query is None or shown_now is None or not shown_now.exact:
             self.shown = None
             # an answer to rounded numbers could make the statements at the end untrue
             return {**screen, "stage": "end", "end": self._drawing.end(shown_now is not None)}
@@ -473,7 +473,7 @@ class Interview(Closing):
         return conduct.put + pace.questions_in(self._chosen.minutes)
 
     def _keep(self) -> None:
-        """Log the person's choices while no question is on the screen, with the one that waits."""
+        """Log the person's choices, with the next question, if no question is on the screen."""
         if self._chosen == self._kept:
             return
         query = self._session.question()
@@ -546,7 +546,7 @@ class Interview(Closing):
         return "Some answers came in under a second. There is no hurry: take the time you need."
 
     def _offer(self, conduct: Conduct) -> dict[str, Any] | None:
-        """Return what the person is offered before the next question, or None."""
+        """Return the offer to the person before the next question, or None."""
         n = conduct.put
         if n <= self._chosen.offered or not self._subject.least:
             return None

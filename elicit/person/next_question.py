@@ -1,8 +1,8 @@
-"""The questions of an interview that stand beside its asker's.
+"""The questions that an interview puts beside those of its asker.
 
-Some take the place of the asker's question: a check of the order, another kind of question, or one
-in whole numbers. Others come once the asker has none. ``elicit.person.course.level_questions``
-makes those about a level.
+Some take the place of the asker's question: a check of the order, another kind of question, or a
+question in whole numbers. Others come once the asker has none.
+``elicit.person.course.level_questions`` makes those about a level.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _ORDER_AFTER = 4  # answers before the question about the order of two levels
 
 
 class NextQuestion:
-    """Chooses questions beside those of a session's asker, which the session then puts.
+    """Chooses the questions that a session puts beside those of its asker.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class NextQuestion:
         return self._start
 
     def start_to_keep(self) -> dict[str, Any] | None:
-        """Return what was found about the start, as JSON for the log, if it does not keep it."""
+        """Return the state before the first answer as JSON, or None if the log has it already."""
         start, facts = self._start, self._subject.facts.of
         before = start.computed() if facts and isinstance(start, Start) else None
         if before is None:
@@ -67,9 +67,9 @@ class NextQuestion:
         return before.record(facts)
 
     def about_a_level(self, known: bool = False) -> Query | None:
-        """Return a question about a level that is open.
+        """Return a question about the value of a level that is still open.
 
-        If there is none, and ``known`` is True, one whose answer follows from others.
+        If there is none and ``known`` is True, return a question whose answer follows from others.
         """
         asker = self._session.current_asker()
         if not isinstance(asker, Compares):
@@ -82,7 +82,7 @@ class NextQuestion:
         return found
 
     def still_needed(self, conduct: Conduct, id: str) -> tuple[int, int]:
-        """Return how many answers, and checks besides, must come after the question of this id."""
+        """Return the numbers of answers, and of checks, that must come after this question."""
         if not self._subject.least:
             return 0, 0
         answers = conduct.with_verdict + (not self._session.is_repeat(id))
@@ -98,7 +98,10 @@ class NextQuestion:
         return over and (enough is None or enough(self._session.result()))
 
     def _replacement(self, query: Query, answered: Callable[[Query], bool]) -> Query | None:
-        """Return the query in place of the asker's: a check, another kind, or whole numbers."""
+        """Return a query to put in place of the asker's ``query``, or None to put that.
+
+        It is a check, another kind of question, or the same question in whole numbers.
+        """
         asker = self._session.current_asker()
         if self._subject.least and isinstance(asker, Compares):
             if (check := self._order_check(asker.comparator.k)) and not answered(check):
@@ -112,7 +115,7 @@ class NextQuestion:
         return _in_whole_numbers(self._subject, query, answered)
 
     def _order_check(self, k: int) -> Query | None:
-        """Return the question about two neighbouring levels that is due, or None."""
+        """Return the check question about two neighbouring levels that is due, or None."""
         conduct = self._session.conduct()
         # one that was taken back as a contradiction has been answered: it is a failed check
         n = sum(
@@ -126,7 +129,7 @@ class NextQuestion:
         return order_question(k, 1 + (k // 2 + n) % (k - 1))
 
     def _extra(self) -> Query | None:
-        """Return the question to put when the asker has none, or None at the end."""
+        """Return the question to put if the asker has none, or None at the end of the interview."""
         conduct, start = self._session.conduct(), self.at_start()
         needed = start is not None and not start.finished
         few = needed and conduct.with_verdict < self._subject.least
@@ -145,7 +148,10 @@ class NextQuestion:
 def _in_whole_numbers(
     subject: Subject, query: Query, answered: Callable[[Query], bool]
 ) -> Query | None:
-    """Return a query in whole numbers near one that is not, if any was not asked yet."""
+    """Return a query in whole numbers near this one, if it is not in whole numbers itself.
+
+    The result is None if there is none that was not asked yet.
+    """
     if shown_of(subject, query).exact:
         return None
     return next((near for near in near_in_whole_numbers(query) if not answered(near)), None)

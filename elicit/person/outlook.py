@@ -1,4 +1,4 @@
-"""Notes beside a question (why it is asked, how many are to come) and the welcome's prospects."""
+"""Notes beside a question (why it is asked, how many are to come); forecasts for the welcome."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from elicit.person.showing import Shown, printable
 from elicit.tutors.erring_tutor import says_left
 
 _PLAYS = 12
-"""Sessions that are played. One more like them is within their range in 11 of 13 cases; in 10
-without the longest, which may be far longer than the others."""
+"""Number of simulated sessions. Another session like them is within their range in 11 of 13 cases.
+Without the longest, which may be far longer than the others, it is in 10 of 13."""
 _FEWEST = 4  # least number of sessions to make a range of
 _FEWEST_SO_FAR = 5  # least number while others are still played
 _SECONDS = 15.0  # time limit of all this, except for a last step
@@ -41,9 +41,9 @@ _NO_DIFFERENCE = 1e-12
 
 @dataclass(eq=False)
 class _Play:
-    """A session with a simulated tutor, from the present question on.
+    """A simulated session with a simulated tutor, from the present question on.
 
-    It has its asker, tutor and answers so far.
+    It has its asker, its tutor and its answers so far.
     """
 
     asker: Asker
@@ -53,7 +53,7 @@ class _Play:
 
 
 class Outlook:
-    """The notes beside a question that is shown.
+    """The notes beside a question that is on the screen.
 
     One thread may compute them, by ``steps``, while others read.
 
@@ -64,18 +64,19 @@ class Outlook:
     shown : Shown
         The question.
     pending : Query
-        The query that the asker waits for. It is not the one shown if that is a repeat.
+        The query that the asker waits for. It differs from the question on the screen if that is a
+        repeat.
     stakes : callable
-        Returns from ``twin.result()`` a sentence on the purpose of more questions, or None.
+        Takes ``twin.result()``, and returns a sentence on the purpose of more questions, or None.
     ends : callable
-        Returns whether a session ends in front of a query.
+        Returns whether a session would end in place of asking a query.
     seed : int
         Seed of the simulations.
     before : Outlook, optional
         The outlook of the last question.
     answered : sequence
-        Verdicts that the asker was told since. The simulated sessions with just these answers go
-        on.
+        Verdicts that the asker was told since then. Of the simulated sessions, those with exactly
+        these answers are continued.
     counted : bool
         True if the question is one of those that are counted.
     """
@@ -120,7 +121,7 @@ class Outlook:
             self._count(_FEWEST)
 
     def steps(self) -> Iterator[None]:
-        """Compute in steps, after those of ``before`` have ended.
+        """Compute the notes in steps, after the steps of ``before`` have ended.
 
         If a step fails, the rest is left out.
         """
@@ -157,13 +158,13 @@ class Outlook:
         self._count(_FEWEST)
 
     def _going_on(self, answered: list[Verdict | None]) -> list[_Play]:
-        """Return the plays that began with these answers, from there on."""
+        """Return the simulated sessions that began with these answers, without these answers."""
         n = len(answered)
         same = [play for play in self._plays if play.answers[:n] == answered]
         return [_Play(play.asker, play.says, play.answers[n:], play.over) for play in same]
 
     def _all_plays(self, known: Comparator | None) -> Iterator[_Play]:
-        """Return the simulated sessions that go on, and new ones with plausible tutors."""
+        """Return the simulated sessions that are continued, and new ones with plausible tutors."""
         yield from tuple(self._plays)
         numbers = range(len(self._plays), _PLAYS)
         for says in plausible_tutors(known, self._seed, self._pending.id, numbers):
@@ -172,7 +173,7 @@ class Outlook:
             yield play
 
     def _go_on(self, play: _Play) -> None:
-        """Play one question and its answer."""
+        """Simulate one question and its answer."""
         query = next(iter(play.asker.ask()), None)
         if query is None or len(play.answers) == _LONGEST or self._ends(query):
             play.over = True
@@ -190,7 +191,7 @@ class Outlook:
 def plausible_tutors(
     known: Comparator | None, seed: int, name: str, numbers: Iterable[int]
 ) -> Iterator[Callable[[Query], Verdict]]:
-    """Return simulated tutors whose scales are plausible by a comparator.
+    """Return simulated tutors whose scales are drawn from a comparator's plausible scales.
 
     Parameters
     ----------
@@ -198,7 +199,7 @@ def plausible_tutors(
         There is no tutor if it is None, or has no draws.
     seed : int
     name : str
-        The purpose of the tutors, which gives other ones by the same seed.
+        The purpose of the tutors. Another name gives other tutors with the same seed.
     numbers : iterable of int
         The same number gives the same tutor again.
     """
@@ -216,7 +217,7 @@ def plausible_tutors(
 def _tutor(
     gaps: Floats, precision: Floats, lapse: float, chance: np.random.Generator
 ) -> Callable[[Query], Verdict]:
-    """Return a tutor with the scale of these gaps (p,) who errs by precision (1,) and lapse."""
+    """Return a tutor with a scale of gaps (p,), who errs by this precision (1,) and lapse."""
 
     def says(query: Query) -> Verdict:
         score = product(tail_sums(query.d[None, :]), gaps)
@@ -229,10 +230,10 @@ def _tutor(
 
 
 def what_is_open(shown: Shown, comparator: Comparator) -> str | None:
-    """Return a sentence on what the comparator leaves open of the levels in a question.
+    """Return a sentence on what the comparator does not know about the levels in a question.
 
-    Every level is said on the one scale from 0 (the worst level) to 100 (the best). None if nothing
-    is known.
+    Values are on the scale from 0 (the worst level) to 100 (the best). The result is None if the
+    comparator bounds no value.
     """
     left, right = shown.vectors
     k = comparator.k
@@ -280,16 +281,16 @@ def _down(number: float) -> int:
 
 @dataclass(frozen=True)
 class Prospect:
-    """Outcomes of simulated sessions that end after so many questions.
+    """Outcomes of simulated sessions that end after a number of questions.
 
     Attributes
     ----------
     questions : int
-        The questions, checks among them.
+        The number of questions, including checks.
     sessions : int
         Number of simulated sessions.
     settled : int
-        Sessions in which nothing was left to ask by then.
+        Number of these in which nothing was left to ask by then.
     loss : float
         Median of what could still be lost, a share of the value range. It is nan if unknown.
     """
@@ -301,7 +302,9 @@ class Prospect:
 
 
 class Prospects:
-    """Forecast of what so many questions will prove. One thread may compute it while others read.
+    """Forecasts of what several numbers of questions will prove, by simulated sessions.
+
+    One thread may compute them while others read.
 
     Parameters
     ----------
@@ -312,11 +315,11 @@ class Prospects:
     seed : int
         Seed of the simulations.
     ends : callable
-        Returns whether a session ends in front of a query.
+        Returns whether a session would end in place of asking a query.
     enough : callable, optional
-        Returns whether a result is sure enough to end. A session whose result is not counts as
-        one that did not end. An interview then goes on with questions of its own, which are not
-        simulated; if that happens in half of the sessions, there is no forecast.
+        Returns whether a result is sure enough to end. If it is not, the simulated session counts
+        as one that did not end: an interview would go on with questions of its own, which are not
+        simulated. If that happens in half of the sessions, there is no forecast.
     """
 
     def __init__(
@@ -336,7 +339,7 @@ class Prospects:
         """True if nothing will be added."""
 
     def steps(self) -> Iterator[None]:
-        """Compute in steps, of one simulated answer each."""
+        """Compute the forecasts, one simulated answer in each step."""
         try:
             until = time.monotonic() + _SECONDS_OF_PROSPECTS
             known = self._twin.comparator if isinstance(self._twin, Compares) else None
@@ -362,7 +365,7 @@ class Prospects:
             self.ready = True
 
     def found(self) -> list[Prospect]:
-        """Return what is known by now, for each number of questions; empty if it is too little."""
+        """Return the forecasts known by now, for each number of questions, or an empty list."""
         lengths, losses = [*self._lengths], [*self._losses]
         n = len(lengths)
         if n < _FEWEST_RUNS or 2 * self._cut_off >= n:
@@ -378,10 +381,10 @@ class Prospects:
         ]
 
     def lengths(self) -> tuple[int, int] | None:
-        """Return the least and the greatest number of questions, checks among them, or None.
+        """Return the least and the greatest length of the simulated sessions, or None.
 
-        One session of them may have taken longer. None if too few sessions were simulated, or more
-        than one of them did not end.
+        Lengths include checks. One session may have taken longer. The result is None if too few
+        sessions were simulated, or more than one of them did not end.
         """
         lengths = sorted(self._lengths)
         if len(lengths) < _FEWEST_RUNS or lengths[-2] >= _proving(self.questions[-1]):
@@ -389,9 +392,9 @@ class Prospects:
         return _with_checks(lengths[0]), _with_checks(lengths[-2])
 
     def length(self) -> int | None:
-        """Return how many questions, checks among them, suffice in half of the sessions, or None.
+        """Return the number of questions, including checks, that suffices in half of the sessions.
 
-        None if too few sessions were simulated, or half of them did not end.
+        The result is None if too few sessions were simulated, or half of them did not end.
         """
         lengths = sorted(self._lengths)
         if len(lengths) < _FEWEST_RUNS:
@@ -403,12 +406,12 @@ class Prospects:
 
 
 def _with_checks(questions: float) -> int:
-    """Return how many questions there are with so many that are no checks."""
+    """Return the number of questions including checks, from the number without."""
     return int(questions) + max(LEAST_CHECKS, int(questions) // (_CHECKS - 1))
 
 
 def _proving(questions: int) -> int:
-    """Return how many of so many questions are no checks."""
+    """Return the number of questions without checks, from the number including them."""
     return max(0, questions - max(LEAST_CHECKS, questions // _CHECKS))
 
 

@@ -1,11 +1,13 @@
 """An asker that is kept in step with the answer log of its session.
 
-The log alone says where a session stands. The answers that stand since the asker was last
-(re)started are told again, in order, to a new asker, so that the next question and the end are
-those of a session that nothing disturbed. If they are more than sixty, a new asker knows them from
-the start instead, which is faster. An asker is restarted where its questions are not those
-of the log, for example with another comparator, and where an answer is withdrawn that others
-followed. It then knows the earlier answers from the start (``known=``).
+The log alone determines the state of a session. A new asker is told all standing answers since the
+last (re)start, in order. So the next question and the end are those of a session that nothing
+disturbed. If there are more than sixty answers, the new asker knows them from the start instead
+(``known=``), which is faster.
+
+An asker is restarted, with the earlier answers known from the start, in two cases: its questions
+are not those of the log, for example with another comparator, or an answer is withdrawn that others
+followed.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
@@ -33,14 +35,14 @@ _NOT_ITS_QUESTIONS = (
 
 
 Made = tuple[Asker, list[Entry], dict[int, list[str]]]
-"""An asker, the entries that it knows, and the ids that those which it dropped contradict."""
+"""An asker, the entries that it knows, and for those it dropped the ids that contradict them."""
 _Key = tuple[tuple[Any, ...], ...]
 
 
 class _Position(NamedTuple):
-    """An asker, and its position in the log: how many entries it knows.
+    """An asker, and how many entries of the log it knows.
 
-    An interruption may come at any line, so these are replaced together.
+    Both are replaced together, because an interruption may come at any line.
     """
 
     asker: Asker
@@ -53,12 +55,12 @@ class _Position(NamedTuple):
 
 
 class ReplayedAsker:
-    """Makes the asker that a log stands for, and tells it what is appended to the log.
+    """Makes the asker that belongs to a log, and tells it what is appended to the log.
 
     Parameters
     ----------
     asker : Asker or MakeAsker
-        A function that makes an asker from the answers it is to know, or a new asker.
+        A new asker, or a function that makes an asker from the answers that it is to know.
     log : AnswerLog
     stamp : callable
         Returns the metadata of a line of the log.
@@ -66,9 +68,9 @@ class ReplayedAsker:
     Raises
     ------
     TypeError
-        For something that is neither.
+        If ``asker`` is neither.
     ValueError
-        If only a function can go on with this log.
+        If this log needs a function that makes an asker.
     """
 
     def __init__(
@@ -84,7 +86,7 @@ class ReplayedAsker:
 
     @staticmethod
     def check(asker: Any) -> None:
-        """Raise TypeError for something that neither is an asker nor makes one."""
+        """Raise TypeError unless the object is an asker or a function that makes one."""
         if isinstance(asker, type):
             _check_makes(asker)
         elif not isinstance(asker, Asker) and not callable(asker):
@@ -95,14 +97,14 @@ class ReplayedAsker:
 
     @property
     def makes_askers(self) -> bool:
-        """True if it was given a function that makes an asker, not an asker."""
+        """True if a function that makes askers was given, rather than an asker."""
         return self._make is not None
 
     def current(self) -> Asker:
-        """Return the asker, told all that is in the log.
+        """Return the asker, after telling it all that is in the log.
 
-        It is another one after an answer was taken back, and after an answer that was looked ahead
-        to.
+        The object is replaced when an answer is taken back, and when the asker after an answer was
+        computed ahead.
         """
         if self._position is None:
             self._know(self._resumed())
@@ -115,7 +117,7 @@ class ReplayedAsker:
         return self._position_now.asker
 
     def go_on_with(self, after: AfterAnswer) -> None:
-        """Take an asker that knows all that is in the log already."""
+        """Replace the asker by one that was computed ahead, and knows all that is in the log."""
         self._position = _Position(after.asker, len(self._log), unmarked=after.contradicts)
 
     def withdraw(self, id: str, metadata: dict[str, Any]) -> None:
@@ -154,22 +156,21 @@ class ReplayedAsker:
     def discard(self) -> None:
         """Discard the asker, and those that were made ahead; the next one is made from the log.
 
-        An asker that was given stays, for it cannot be made again.
+        If an asker was given in place of a function, it is kept, because it cannot be made again.
         """
         if self._make is not None:
             self._position = None
             self._restarts = MadeAhead[_Key, Made]()
 
     def restart(self) -> None:
-        """Go on with a new asker that knows all that stands from the start."""
+        """Replace the asker by a new one that knows all standing answers from the start."""
         self._know(self._restarted())
 
     def exchange(self, id: str, metadata: dict[str, Any], answer: Answer) -> None:
-        """Take back the answer to the query of this id, and append another one in its place.
+        """Take back the answer to the query of this id, and append another answer in its place.
 
-        ``restart`` must follow.
-
-        Raises ValueError if a new asker would be needed and cannot be made.
+        ``restart`` must follow. Raises ValueError if a new asker would be needed and cannot be
+        made.
         """
         if self._make is None:
             raise ValueError("to settle two answers the session must make a new asker")
@@ -180,9 +181,10 @@ class ReplayedAsker:
         self._log.append(answer, **stamp)
 
     def known_and_told(self) -> tuple[list[Entry], list[Entry]]:
-        """Return the entries that are not withdrawn, without repeats.
+        """Return the standing entries, without repeats, as two lists.
 
-        First those that the asker knew when it was made, then those that it was told since.
+        The first has those that the asker knew when it was made, and the second those it was told
+        since.
         """
         entries = list(self._log)
         n = self._log.restarted
@@ -192,7 +194,7 @@ class ReplayedAsker:
         return before, since
 
     def _without_repeats(self) -> list[Entry]:
-        """Return the entries that stand, without repeats, which the asker is not told."""
+        """Return the standing entries without repeats, which the asker is not told."""
         return [entry for entry in self._log.standing if not entry.repeat]
 
     @property
@@ -201,14 +203,14 @@ class ReplayedAsker:
         return self._position
 
     def _know(self, asker: Asker) -> None:
-        """Go on with an asker that knows all that is in the log."""
+        """Replace the asker by one that knows all that is in the log."""
         self._position = _Position(asker, len(self._log))
 
     def _tell_next(self, now: _Position) -> None:
         """Tell the asker the next entry of the log that it does not know.
 
-        After an interruption this is called again. A query that the asker no longer waits for was
-        then told already.
+        After an interruption this is called again. If the asker no longer waits for the query, it
+        was told already.
         """
         entry, asker = self._log[now.known], now.asker
         if entry.repeat or entry.retracted:
@@ -236,7 +238,7 @@ class ReplayedAsker:
         self._position = _Position(asker, now.known + 1, unmarked=now.contradicts)
 
     def _mark_contradiction(self) -> None:
-        """Mark the last entry that the asker knows as unused, if it had to be dropped."""
+        """Mark the last entry that was told as unused in the log, if the asker dropped it."""
         now = self._position_now
         if now.unmarked is not None:
             last = self._log[now.known - 1]
@@ -248,7 +250,7 @@ class ReplayedAsker:
         self._log.mark_unused(id, **{CONTRADICTS: [name for name in contradicts if name != id]})
 
     def _resumed(self) -> Asker:
-        """Return an asker that stands where the log does."""
+        """Return a new asker in the state that the log has."""
         before, since = self.known_and_told()
         if self._make is None:
             assert self._given is not None
@@ -264,7 +266,7 @@ class ReplayedAsker:
         return asker if self._told_again(asker, since) else self._restarted()
 
     def _told_again(self, asker: Asker, entries: Sequence[Entry]) -> bool:
-        """Tell an asker these entries, and return whether it asks the same questions."""
+        """Tell a new asker these entries, and return whether its questions were the same."""
         for entry in entries:
             id = entry.answer.query.id
             if id not in {query.id for query in asker.ask()}:
@@ -279,9 +281,9 @@ class ReplayedAsker:
         return True
 
     def _restarted(self) -> Asker:
-        """Return an asker that knows all that stands, except what contradicts the rest.
+        """Return a new asker that knows all standing answers, except those that contradict others.
 
-        That is marked in the log.
+        The latter are marked as unused in the log.
         """
         before = self._without_repeats()
         ready = self._restarts.take(_key_of(before))
@@ -295,9 +297,9 @@ class ReplayedAsker:
         return asker
 
     def restarts(self, answers: Sequence[Answer]) -> Iterator[None]:
-        """Return steps that make the asker that would know one of these answers besides.
+        """Return steps that make, for each of these answers, the asker that would also know it.
 
-        It is used once that answer comes, if the asker must then be made anew. Another thread may
+        It is used when that answer comes, if the asker must then be made anew. Another thread may
         go through the steps.
         """
         before = self._without_repeats()
@@ -313,10 +315,10 @@ class ReplayedAsker:
     def supposing(
         self, without: Collection[str], meant: Sequence[Answer]
     ) -> Callable[[], Supposed]:
-        """Return a function that makes the asker that would know other answers.
+        """Return a function that makes an asker as it would be with other answers.
 
-        The log as it is now counts, without the answers of some ids, and with others that are
-        meant. Nothing changes. Another thread may call the function.
+        The other answers are those of the log now, without those with an id in ``without``, and
+        with those in ``meant``. Nothing changes. Another thread may call the function.
         """
         standing = self._without_repeats()
         n = sum(entry.answer.verdict is not None for entry in standing)
@@ -331,9 +333,9 @@ class ReplayedAsker:
         return make
 
     def _knowing(self, before: list[Entry]) -> Made:
-        """Return an asker that knows these entries, except those that contradict the rest.
+        """Return an asker that knows these entries, except those that contradict others.
 
-        Also the entries with what is used of them, and the ids that the others contradict.
+        Also return the entries, marked as used or not, and the ids of those that contradict others.
         """
         known = [replace(entry, used=True) if counts(entry) else entry for entry in before]
         contradicts: dict[int, list[str]] = {}
@@ -372,7 +374,7 @@ def _key_of(entries: Iterable[Entry]) -> _Key:
 
 
 def _check_makes(asker: type) -> None:
-    """Raise TypeError for a class that cannot be called with the known answers alone."""
+    """Raise TypeError for a class that cannot be called with only the known answers."""
     try:
         takes = list(signature(asker).parameters.values())
         signature(asker).bind([])

@@ -60,6 +60,8 @@ summary { cursor: pointer; color: var(--link); padding: .3rem 0; } details > tab
   .many td { border-top: 0; padding: .1rem 0; display: flex; justify-content: space-between; gap: .6rem; }
   .many td:first-child { grid-column: 1 / -1; font-weight: 600; }
   .many td:not(:first-child)::before { content: attr(data-head); color: var(--soft); }
+  .many td:is([data-head="Why"], [data-head^="With "], [data-head^="By "]) { grid-column: 1 / -1; justify-content: flex-start; }
+  .many td:is([data-head="Why"], [data-head^="With "], [data-head^="By "])::before { flex: 0 0 8.5rem; overflow-wrap: normal; }
   .answers tr { display: grid; grid-template-columns: 2.2rem minmax(0, 1fr); border-top: 1px solid var(--line); }
   .answers td { border-top: 0; padding: .1rem .2rem; } .answers td:nth-child(n+3) { grid-column: 2; }
   .answers td:empty { display: none; }
@@ -204,14 +206,14 @@ def report_page(
 
 
 def technical_details(facts: Mapping[str, str]) -> Iterator[str]:
-    """Return facts that only somebody who checks a report needs, folded."""
+    """Return facts that only somebody who checks a report needs, as a folded HTML part."""
     if facts:
         named = "".join(f"<dt>{escaped(k)}</dt><dd>{escaped(v)}</dd>" for k, v in facts.items())
         yield f'<details class="log"><summary>Technical details</summary><dl>{named}</dl></details>'
 
 
 def _headline(end: Mapping[str, Any]) -> Iterator[str]:
-    """Return the conclusion: what was found, how sure it is, and what could be lost before."""
+    """Return the conclusion: the finding, how sure it is, and the loss that was possible before."""
     if end.get("headline"):
         yield f'<p class="headline">{escaped(end["headline"])}</p>'
     if end.get("caution"):
@@ -261,7 +263,7 @@ def _rows_of(table: Mapping[str, Any], cut: bool = True) -> Iterator[str]:
 
 
 def asked_about(preamble: str, legend: Mapping[str, Any] | None) -> Iterator[str]:
-    """Return what stood before the questions, and what the levels mean."""
+    """Return the text that stood before the questions, and what the levels mean."""
     if preamble:
         yield f"<p>{escaped(preamble)}</p>"
     if legend is None:
@@ -278,12 +280,12 @@ def asked_about(preamble: str, legend: Mapping[str, Any] | None) -> Iterator[str
 
 
 def escaped(words: object) -> str:
-    """Return words as a part of HTML."""
+    """Return text with HTML's special characters escaped."""
     return escape(str(words))
 
 
 def counted(counts: Mapping[str, int]) -> str:
-    """Return how many answers there were, of which kinds, and how repeats were answered."""
+    """Return sentences on the numbers of answers of each kind, and how repeats were answered."""
     found = Counts.read(counts)
     return f"{found.sentence} {found.checks}".strip()
 
@@ -322,7 +324,11 @@ def _scale(
 
 
 def interval_picture(low: float, value: float, high: float, colour: str | None) -> str:
-    """Return an interval drawn on the scale, hollow and without its dot if the colour is None."""
+    """Return a picture of a level's interval on the scale from 0 to 100, as HTML.
+
+    A filled bar has a dot at the best guess. If ``colour`` is None the bar is hollow, without a
+    dot.
+    """
     grid = "".join(
         f'<line x1="{x}%" x2="{x}%" y1="0" y2="100%" stroke="#e4e9ee"/>'
         for x in (0, 25, 50, 75, 100)
@@ -340,7 +346,7 @@ def interval_picture(low: float, value: float, high: float, colour: str | None) 
 
 
 def colour_of(share: float) -> str:
-    """Return the colour of a level, from the worst one's (0) to the best one's (1)."""
+    """Return the colour of a level, from 0 for the worst to 1 for the best."""
     at = share * (len(_COLOURS) - 1)
     low = min(int(at), len(_COLOURS) - 2)
     pairs = zip(_COLOURS[low], _COLOURS[low + 1], strict=True)
@@ -348,7 +354,7 @@ def colour_of(share: float) -> str:
 
 
 def _statements(lines: Iterable[str]) -> Iterator[str]:
-    """Return paragraphs, with the indented lines as a list under the line before."""
+    """Return lines as paragraphs. Indented lines become a list under the line before."""
     within = False
     for line in lines:
         item = line.startswith("  ")
@@ -361,7 +367,7 @@ def _statements(lines: Iterable[str]) -> Iterator[str]:
 
 
 def conflict_box(entries: Sequence[Mapping[str, Any]]) -> str:
-    """Return answers that contradict each other."""
+    """Return a box with answers that contradict each other, as HTML."""
     items = "".join(f"<li>{escaped(entry['sentence'])}</li>" for entry in entries)
     said = (
         f"These {len(entries)} answers contradict each other. Taking back any one of them fixes it."

@@ -1,9 +1,8 @@
 """A session with a person who answers, kept in an answer log.
 
-It can be left at any moment and picked up again.
-
-A session holds no prompt, no socket and no window. Whoever shows the questions calls ``question``
-and ``answer``. The log alone says where the session stands (``elicit.person.replayed_asker``).
+It can be left at any moment and resumed later. A session has no prompt, socket or window: a host
+shows the questions, and calls ``question`` and ``answer``. The log alone determines the state of
+the session (``elicit.person.replayed_asker``).
 """
 
 import copy
@@ -57,7 +56,7 @@ _CERTAIN = 1e-9  # difference, a share of the value range, from which one side i
 
 @dataclass(frozen=True)
 class SessionStatus:
-    """The point at which a session stands. Repeats are counted apart from the other answers."""
+    """The state of a session. Repeats are counted apart from the other answers."""
 
     answered: int  # answers that stand
     equal: int  # among these, answers that the two are equal
@@ -82,27 +81,27 @@ class SessionStatus:
 class Session(Closing):
     """Questions, one at a time, and answers that are on the disk before anything else happens.
 
-    An answer that contradicts the others is marked unused in the log and decides its own pair only.
+    An answer that contradicts others is marked unused in the log, and decides only its own pair.
     ``conflicts`` names the answers that contradict each other. Once enough of them are withdrawn,
-    it is used again. A session is not for several threads at a time.
+    the answer is used again. A session must not be used by several threads at a time.
 
     Parameters
     ----------
     asker : MakeAsker or Asker
-        A function that makes an asker from the answers it is to know, or a new asker. With the
-        latter the session cannot undo, withdraw, or go on with a log whose questions are not its
+        A function that makes an asker from the answers that it is to know, or a new asker. With an
+        asker the session cannot undo, withdraw, or go on with a log whose questions are not its
         own.
     log : AnswerLog or path
-        The session closes a log that it opened from a path.
+        If it is a path, the session closes the log at the end.
     who : str, optional
-        The person whose answers these are, for the log. A new log at a path is theirs from then on.
+        The person whose answers these are, for the log. A new log at a path is then that person's.
         Default: the person of the log.
     audit : float, optional
-        The share of questions in front of which an earlier one is put again, to see whether the
-        answers agree. The asker is not told the answer to a repeat, and nothing else depends on it.
-        Default: none, but an ``Interview`` puts those that it needs.
+        The share of questions in front of which an earlier question is put again, to see whether
+        the answers agree. The asker is not told the answer to a repeat, and nothing else depends on
+        it. Default: none, but an ``Interview`` puts those that it needs.
     seed : int or Generator or SeedSequence, optional
-        Chooses the repeats, together with the answers that stand. None draws a new one.
+        Chooses the repeats, together with the answers that stand. None draws a new seed.
     clock : callable
         Returns seconds since 1970, for the log. Nothing depends on it.
 
@@ -111,7 +110,7 @@ class Session(Closing):
     TypeError
         If ``asker`` is neither of these.
     ValueError
-        If only a function can go on with this log.
+        If this log needs a function that makes an asker.
     BadLog, BlockingIOError, OSError
         As ``AnswerLog`` raises them, also for a log of another person.
     """
@@ -134,13 +133,11 @@ class Session(Closing):
             str, float
         ] = {}  # when a pending question was put, by a clock that only goes forwards
         self.choose_replacement: ChooseReplacement | None = None
-        """Chooses the query that replaces the asker's, for a session that makes its askers.
-
-        After the answer a new asker is made, which knows it.
-        """
+        """Chooses the query to put in place of the asker's, if the session can make askers. After
+        the answer a new asker is made, which knows the answer."""
         self.choose_extra: Callable[[], Query | None] | None = None
-        """Chooses a question once the asker has none, for a session that makes its askers."""
-        # a comparator that takes all for true, what it was offered, and the answers that it took
+        """Chooses a question once the asker has none, if the session can make askers."""
+        # a comparator that takes all answers as true, those it was offered, and those it took
         self._consistent: tuple[PolytopeComparator, list[Any], list[Entry]] | None = None
         self.audits = audit is None or audit > 0
         """False if the session was told to put no question again."""
@@ -166,32 +163,31 @@ class Session(Closing):
         return self._log
 
     def current_asker(self) -> Asker:
-        """Return the asker, told all that is in the log.
+        """Return the asker, after telling it all that is in the log.
 
-        It is another one after ``undo`` and ``withdraw``, and after an answer that was looked ahead
-        to.
+        The object is replaced by ``undo`` and ``withdraw``, and when the asker after an answer was
+        computed ahead.
         """
         return self._replayed.current()
 
     def discard(self) -> None:
         """Discard the asker and all that was computed, which a failure may have left half done.
 
-        The next call makes them again from the log. A session that was given an asker keeps it.
+        The next call makes them again from the log. A session that was given an asker keeps that.
         """
         self._consistent = None
         self._replayed.discard()
 
     @property
     def makes_askers(self) -> bool:
-        """True if it was given a function that makes an asker, not an asker."""
+        """True if a function that makes askers was given, rather than an asker."""
         return self._replayed.makes_askers
 
     def twin(self) -> Asker | None:
-        """Return a copy of the asker, on which another thread may try answers.
+        """Return a copy of the asker, on which another thread may try answers, or None.
 
-        None if it cannot be copied.
-
-        ``copy.deepcopy`` of an asker must share nothing with it that changes.
+        It is made by ``copy.deepcopy``, and may share nothing with the asker that changes. The
+        result is None if the asker cannot be copied.
         """
         try:
             return copy.deepcopy(self.current_asker())
@@ -199,9 +195,9 @@ class Session(Closing):
             return None
 
     def question(self) -> Query | None:
-        """Return the current question, or None when there is none left.
+        """Return the current question, or None if there is none left.
 
-        It is the same until it is answered. Computing it may take a second.
+        It stays the same until it is answered. Computing it may take a second.
         """
         query = self.next_told()
         if query is not None:
@@ -215,14 +211,15 @@ class Session(Closing):
     def next_told(self) -> Query | None:
         """Return the first query that the asker waits for.
 
-        It is ``question``, unless an earlier question is put again, or another one in its place.
+        It differs from ``question`` if an earlier question is put again, or another query in its
+        place.
         """
         return next(iter(self._pending().values()), None)
 
     def check_regularly(self) -> None:
-        """Put a question again after every fourth answer, and after each that differed.
+        """Put an earlier question again after every fourth answer, and after a repeat differed.
 
-        Not if the session was told to put none again.
+        If the session was made with ``audit=0``, none is put again.
         """
         self._repeats.regular = self.audits
 
@@ -231,7 +228,7 @@ class Session(Closing):
         return Conduct.of([*self._log])
 
     def answered_before(self) -> Callable[[Query], bool]:
-        """Return a function that tells whether a query's difference was answered before."""
+        """Return a function that tells whether a query's difference was answered already."""
         said = [tail_sums(entry.answer.query.d) for entry in self._log.standing]
 
         def answered(query: Query) -> bool:
@@ -240,7 +237,7 @@ class Session(Closing):
         return answered
 
     def confirming(self) -> Query | None:
-        """Return an earlier question to put again before the end, or None."""
+        """Return an earlier question that should be put again before the end, or None."""
         return self._repeats.confirming(self.conduct()) if self.audits else None
 
     def checks_left(self, id: str, further: int) -> int:
@@ -257,7 +254,7 @@ class Session(Closing):
         return max(0, min(needed, repeatable))
 
     def checking(self) -> Query | None:
-        """Return an earlier question that it is time to put again, or None."""
+        """Return an earlier question that is due to be put again now, or None."""
         return self._repeats.due(self.conduct()) if self.audits else None
 
     def at_start(self) -> Asker | None:
@@ -265,7 +262,7 @@ class Session(Closing):
         return self._replayed.at_start()
 
     def stamp(self, who: str) -> None:
-        """Name the person whose answers these are, for the lines to come.
+        """Set the person whose answers the next lines of the log are.
 
         Raises BadLog for a log of another person.
         """
@@ -274,26 +271,26 @@ class Session(Closing):
 
     @property
     def who(self) -> str | None:
-        """The person whose answers these are, by the last line of the log that says so."""
+        """The person whose answers these are, by the last line of the log that names one."""
         said = [entry.answer.who for entry in self._log if entry.answer.who is not None]
         return self._stamp.get(WHO) or (said[-1] if said else None)
 
     def answering(self, query: Query) -> str | None:
-        """Return the person who answers a query: the one it asks, else the session's, if named."""
+        """Return the person who answers a query: the one it names, else the session's, or None."""
         return query.who or self._stamp.get(WHO)
 
     def is_repeat(self, id: str) -> bool:
-        """Return whether the pending query of this id is an earlier one put again."""
+        """Return whether the pending query with this id is an earlier question put again."""
         return self._repeats.names(id) and id not in self._pending()
 
     def shown(self, id: str, swapped: bool = False, **how: Any) -> None:
-        """Log that a pending question is put to the person, and how.
+        """Log that a pending question is shown to the person, and how.
 
         Parameters
         ----------
         id : str
         swapped : bool
-            True if it is shown right to left.
+            True if its sides are exchanged.
         **how
             Any JSON.
 
@@ -424,28 +421,28 @@ class Session(Closing):
         said = {**self._now(), **metadata}
         standing = {entry.answer.query.id: entry for entry in self.log if entry.stands}
         for other, entry in standing.items() if id in standing else ():
-            if entry.repeat and entry.metadata.get(REPEATS) == id:  # it checks what is no more
+            if entry.repeat and entry.metadata.get(REPEATS) == id:  # its first answer is gone
                 self._replayed.withdraw(other, said)
         self._replayed.withdraw(id, said)
         self._put_at.clear()
 
     def settle(self, id: str, verdict: Verdict | int | None) -> None:
-        """Say what is meant, after a question that was put again was answered otherwise.
+        """Set what the person meant, after a repeated question was answered differently.
 
-        The answer stands in the place of both, and is learned.
+        The verdict replaces both answers, and is learned.
 
         Parameters
         ----------
         id : str
-            Of the repeat.
+            The id of the repeat.
         verdict : Verdict or int or None
-            Of ``query.left``. None: cannot tell.
+            The verdict on ``query.left``. None: cannot tell.
 
         Raises
         ------
         ValueError
-            If no such repeat stands, or its first answer does not, or if the first answer changes
-            and the session was given an asker in place of a function that makes one.
+            If no such repeat stands, or its first answer does not. Also if the first answer
+            changes, and the session was given an asker in place of a function that makes one.
         """
         standing = {e.answer.query.id: e for e in self._log.standing}
         again = standing.get(id)
@@ -466,7 +463,7 @@ class Session(Closing):
     def supposing(
         self, without: Collection[str], meant: Sequence[Answer] = ()
     ) -> Callable[[], Supposed]:
-        """Return a function that says where the session would stand with other answers.
+        """Return a function that gives the asker as it would be with other answers.
 
         Nothing changes. Another thread may call the function, which may take a second.
 
@@ -475,7 +472,7 @@ class Session(Closing):
         without : collection of str
             Ids of answers that would be taken back.
         meant : sequence of Answer
-            Answers that would stand besides.
+            Answers that would be added.
 
         Raises
         ------
@@ -487,7 +484,7 @@ class Session(Closing):
         return self._replayed.supposing(without, meant)
 
     def restarts(self, query: Query, swapped: bool) -> Iterator[None]:
-        """Return steps that make ready what follows an answer to a query in place of the asker's.
+        """Return steps that prepare the asker after each answer to a query put in place of its own.
 
         Another thread may go through them while the person reads. Nothing changes.
 
@@ -496,7 +493,7 @@ class Session(Closing):
         query : Query
             The pending query.
         swapped : bool
-            True if it is shown right to left.
+            True if its sides are shown exchanged.
 
         Returns
         -------
@@ -589,9 +586,9 @@ class Session(Closing):
         return comparator, kept
 
     def status(self) -> SessionStatus:
-        """Return where the session stands.
+        """Return the state of the session.
 
-        Computing it may take a second, for it looks for the next question.
+        Computing it may take a second, because it looks for the next question.
         """
         entries = [entry for entry in self._log if not entry.repeat]
         standing = [entry for entry in entries if entry.stands]
@@ -609,7 +606,7 @@ class Session(Closing):
         )
 
     def result(self) -> Any:
-        """Return what the asker knows so far: the policy of a learner, the choice of ``choose``."""
+        """Return the asker's result so far: a learner's policy, or the choice of ``choose``."""
         return self.current_asker().result()
 
     def close(self) -> None:
@@ -626,7 +623,7 @@ class Session(Closing):
         return {"time": when, **self._stamp}
 
     def _to_answer(self, id: str) -> Query | None:
-        """Return the query of this id, if it waits for an answer."""
+        """Return the query with this id, if it waits for an answer, else None."""
         waits = self.next_told()
         if waits is not None:
             others = (self._repeats.due(self.conduct()), self._in_place_of(waits))
@@ -640,7 +637,7 @@ class Session(Closing):
         return self._pending().get(id)
 
     def _in_place_of(self, query: Query) -> Query | None:
-        """Return what is put in place of a pending query, if anything is.
+        """Return the query to put in place of a pending query, or None to put that itself.
 
         An audit is always put as it is.
         """
@@ -652,7 +649,7 @@ class Session(Closing):
         return self.choose_replacement(query, self.answered_before())
 
     def _reliable(self, k: int) -> PolytopeComparator:
-        """Return a comparator that knows no answer and takes each for true."""
+        """Return a comparator without answers that takes each answer as true."""
         asker = self.current_asker()
         if not isinstance(asker, Compares):
             return PolytopeComparator(k)
@@ -674,7 +671,7 @@ def _last_answer(entries: Sequence[Entry], id: str) -> Answer | None:
 
 
 def _unchanged(said: Answer, verdict: Verdict | int | None) -> Answer:
-    """Return an answer that stands, given again. Raises StaleAnswer for another verdict."""
+    """Return a standing answer that is given again. Raises StaleAnswer for another verdict."""
     again = Answer(said.query, verdict)  # type: ignore[arg-type]  # which turns the code into a Verdict
     if again.verdict != said.verdict:
         raise StaleAnswer(

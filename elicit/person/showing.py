@@ -21,11 +21,12 @@ from elicit.person.course.conclusion import Conclusion, SessionFacts
 Choice: TypeAlias = Literal["a", "b", "equal", "cannot tell"]
 
 NARROWEST = 30
-"""Columns that a text needs at least."""
+"""Least number of columns that a text needs."""
 
 _FIVE = 5
 MOST_ICONS = 50
-"""More in a row are not counted at a glance: then the numbers stand alone."""
+"""With more icons in a row people cannot count them at a glance. Then only the numbers are
+shown."""
 _MOST = 1000  # largest total of whole numbers that a query is looked for in
 _ROUNDED = (100, 1_000, 10_000, 100_000, 1_000_000)
 _FINE = 0.1  # largest change by rounding, as a share of the greatest difference
@@ -33,7 +34,7 @@ _FINE = 0.1  # largest change by rounding, as a share of the greatest difference
 
 @dataclass(frozen=True)
 class Words:
-    """Words in which a problem speaks of its outcomes.
+    """Words in which an interview speaks of a problem's outcomes.
 
     Attributes
     ----------
@@ -52,12 +53,12 @@ class Words:
     levels
         What each of the k levels means, worst first; none if their names say it.
     purpose
-        What the answers are for, in a sentence.
+        A sentence on what the answers are for.
     note
-        What is said beside every result, such as "Not medical advice."
+        A text beside every result, such as "Not medical advice."
     loss
         A loss in the problem's own unit, as a clause that follows "as much value as if", such as
-        "{n} patients died instead of recovering". "{n}" stands for such as "3.8 in 100".
+        "{n} patients died instead of recovering". "{n}" stands for a text such as "3.8 in 100".
     """
 
     unit: str = "days"
@@ -189,7 +190,7 @@ class Shown:
 
     @property
     def as_seen(self) -> tuple[str, str, str]:
-        """Both sides as they are on the screen, and what they have in common, in words."""
+        """Both sides as they are on the screen, and the part that they have in common, in words."""
         common = zip(self.labels, self.common, strict=True)
         sides = (
             [(row.a, row.label) for row in self.rows],
@@ -246,7 +247,7 @@ class Shown:
         return Verdict.BETTER if (choice == "a") != self.swapped else Verdict.WORSE
 
     def record(self) -> dict[str, Any]:
-        """Return the shown counts, as JSON for a log."""
+        """Return the counts on the screen, as JSON for a log."""
         a, b = (self.right, self.left) if self.swapped else (self.left, self.right)
         return {
             "a": list(a),
@@ -502,10 +503,7 @@ def near_in_whole_numbers(query: Query) -> Iterator[Query]:
 
 
 def _whole(both: Floats, of: int, shares: bool) -> tuple[float, Floats, bool]:
-    """Return the factor from vectors (2, k) to counts, and the counts (2, k).
-
-    The third result says whether they are exact.
-    """
+    """Return a factor, the counts (2, k) that it makes of vectors (2, k), and if they are exact."""
     for scale in (of if shares else 1, 10, 100, *range(1, _MOST + 1), *_ROUNDED):
         counts = np.rint(both * scale)
         if (counts / scale == both).all() and counts[0].sum() == counts[1].sum():
@@ -539,7 +537,7 @@ def _to_total(parts: Floats, total: int) -> Floats:
 def _row(
     row: Row, counts: Sequence[int], k: int, label: int, number: int, room: int, column: int
 ) -> Iterator[str]:
-    """Return the lines of text that show one level: its name, and ``counts`` with icons.
+    """Return the lines of text that show a level: its name, and its ``counts`` with icons.
 
     ``label``, ``number`` and ``column`` are the widths of the name, of a count and of its icons.
     ``room`` is the width that the icons of a line may take; 0: no icons.

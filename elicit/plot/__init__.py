@@ -1,15 +1,15 @@
 """Pictures of comparators: plausible scales, intervals of levels, graphs of answers, and losses.
 
-Each comparator has one colour and marker, in these and all other pictures. All functions take
-``ax`` (None makes a figure of its own), return it, show nothing and change no settings. matplotlib
-is imported when one is called. Without it they raise ImportError.
+Each comparator has the same colour and marker in all pictures. All functions take ``ax`` (None
+makes a new figure) and return it. They show nothing and change no settings. They import matplotlib
+when they are called, and raise ImportError without it.
 
 Pictures of levels take two more keywords:
 
 labels : sequence of k str, optional
     Names of the levels, worst first. None: e_1 to e_k.
 values : (k,), optional
-    The true scale, one number for each level, in any unit. It is drawn beside what the comparator
+    The true scale, a number for each level, in any unit. It is drawn beside what the comparator
     says. Only a simulation knows it.
 """
 

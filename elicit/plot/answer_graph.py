@@ -44,13 +44,12 @@ def preference_graph(
     names: Mapping[int, str] | Sequence[str] | None = None,
     cycles: Iterable[Cycle] = (),
 ) -> Axes:
-    """Draw ``graph.preference_graph`` in layers, better vectors above worse ones.
-
-    On a cycle some arrows lead upwards.
+    """Draw the graph of answers in layers, better vectors above worse ones.
 
     Solid arrows are answers "better", and dashed lines answers "equal". Dotted arrows are
-    dominance, transitively reduced. With more than 30 nodes, answers and dominance are transitively
-    reduced together, except for arrows on a cycle and arrows that lead upwards.
+    dominance, without those that follow from others. On a cycle some arrows lead upwards. With more
+    than 30 nodes, arrows that follow from answers and dominance together are left out too, unless
+    they are on a cycle or lead upwards.
 
     Parameters
     ----------
@@ -146,9 +145,9 @@ def preference_graph(
 
 
 def _percentages(vector: Floats) -> Floats:
-    """Return shares (k,) in percent, of total 100, in whole ones if that is exact.
+    """Return shares (k,) in percent, in whole numbers of total 100 if these are exact.
 
-    Other vectors are multiplied by 100.
+    Vectors that are no shares are multiplied by 100.
     """
     percent = 100.0 * vector
     if (vector < 0).any() or abs(vector.sum() - 1.0) > 1e-9:
@@ -159,9 +158,9 @@ def _percentages(vector: Floats) -> Floats:
 def _untangled(
     at: dict[int, tuple[float, float]], arrows: nx.DiGraph
 ) -> dict[int, tuple[float, float]]:
-    """Return the same layers, each sorted by the mean place of its nodes' neighbours.
+    """Return node positions in the same layers, reordered so that fewer arrows cross.
 
-    It is done several times.
+    Several times over, each layer is sorted by the mean place of its nodes' neighbours.
     """
     layers: dict[float, list[int]] = {}
     for node in sorted(at, key=lambda node: at[node]):
@@ -181,10 +180,10 @@ def _untangled(
 
 
 def _layers(graph: nx.DiGraph) -> tuple[dict[int, tuple[float, float]], nx.DiGraph]:
-    """Return where to draw each node, and the arrows between nodes that lead down.
+    """Return the position of each node, and the graph of the arrows that lead down.
 
-    A node is below all that are better, near the middle of those. On a circle, where that is
-    impossible, nodes that are better more often come first.
+    A node is below all nodes that are better, near their middle. On a circle that is impossible,
+    and nodes that are better more often come first.
     """
     import networkx as nx
 

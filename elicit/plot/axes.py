@@ -21,13 +21,13 @@ TRUE_SCALE: dict[str, Any] = {
 
 
 def answers_of(comparator: Any) -> str:
-    """Return how many answers a comparator knows, in words."""
+    """Return the number of a comparator's answers, in words."""
     n = len(comparator.answers)
     return f"{n} answer" + "s" * (n != 1)
 
 
 def comparator_of(given: Any, taker: str) -> Comparator:
-    """Return a comparator: ``given``, or the one that a result holds. Raise TypeError."""
+    """Return a comparator: ``given``, or the one in a Result. Raise TypeError for others."""
     if is_comparator(given):
         return given
     held = getattr(given, "comparator", None)
@@ -40,7 +40,7 @@ def comparator_of(given: Any, taker: str) -> Comparator:
 
 
 def unit_of(k: int) -> str:
-    """Return the unit of a value on a scale of k levels, in words."""
+    """Return the name of the unit of values on a scale of k levels."""
     return f"share of the range $e_{k if k < 10 else f'{{{k}}}'} - e_1$"
 
 
@@ -62,7 +62,7 @@ def names_of(labels: Sequence[str] | None, k: int) -> list[str]:
 
 
 def true_scale(values: ArrayLike | None, k: int) -> Floats | None:
-    """Return the true scale from 0 to 1, if there is one.
+    """Return the true scale from 0 to 1, or None if none is given.
 
     Raises ValueError unless it is k increasing numbers.
     """
@@ -74,9 +74,9 @@ def true_scale(values: ArrayLike | None, k: int) -> Floats | None:
 
 
 def legend_above(ax: Axes, handles: Sequence[Any]) -> None:
-    """Draw a legend above the axes, in two columns or, if these are too wide, in one.
+    """Draw a legend above the axes, so that none of it is cut off.
 
-    None of it is cut off.
+    It has two columns, or one if two are too wide.
     """
     figure, spec = ax.get_figure(root=True), ax.get_subplotspec()
     assert figure is not None

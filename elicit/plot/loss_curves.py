@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class HasLosses(Protocol):
-    """Losses after each answer, from question zero, as a ``qlearn.LossHistory`` has them."""
+    """A policy's losses after each answer, from question zero, such as ``qlearn.LossHistory``."""
 
     @property
     def asked(self) -> Any:
@@ -32,7 +32,7 @@ class HasLosses(Protocol):
 
 
 def loss_history(histories: HasLosses | Mapping[str, HasLosses], ax: Axes | None = None) -> Axes:
-    """Draw the loss of a policy and its bound after each answer, from question zero.
+    """Draw a policy's loss and the bound on it after each answer, from question zero.
 
     The loss is a full line, in percent of the value range, and the bound a dotted one. The axis is
     linear up to 0.1% and logarithmic beyond.
@@ -40,8 +40,8 @@ def loss_history(histories: HasLosses | Mapping[str, HasLosses], ax: Axes | None
     Parameters
     ----------
     histories : LossHistory, or mapping of str to LossHistory
-        A run's losses, or those of several runs by name. A comparator or a learner that is called
-        as in ``elicit.plot.styles`` has its colour.
+        A run's losses, or those of several runs by name. A run has the colour that
+        ``elicit.plot.styles`` gives its name, if it is that of a comparator or learner.
     ax : matplotlib Axes, optional
 
     Returns
@@ -51,7 +51,7 @@ def loss_history(histories: HasLosses | Mapping[str, HasLosses], ax: Axes | None
     Raises
     ------
     TypeError
-        If something else than losses is given.
+        If the histories are not losses.
     """
     several = histories if isinstance(histories, Mapping) else {"": histories}
     for one in several.values():

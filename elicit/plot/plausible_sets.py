@@ -35,22 +35,21 @@ def polytope(
     values: ArrayLike | None = None,
     cuts: bool = True,
 ) -> Axes:
-    """Draw K_t at k = 4, as an area in the plane of the two middle levels' values.
+    """Draw a polytope's plausible scales at k = 4, in the plane of the two middle levels' values.
 
     All ordered scales, 0 <= e_2 <= e_3 <= 1, are a triangle, of which margin, prior and answers
-    leave a part. Areas compare like those in the simplex of the gaps.
+    leave a part. The ratio of two areas is that of the volumes in the simplex of gaps.
 
     Parameters
     ----------
     comparators : PolytopeComparator or sequence
-        One, or several of which each knows more than the last. A ``Result`` stands for its
-        comparator. The last one is filled, and its
-        analytic centre is the point.
+        A comparator, or several, each of which knows more than the one before. A ``Result`` stands
+        for its comparator. The last area is filled, and the point in it is its analytic centre.
     ax : matplotlib Axes, optional
     labels, values : optional
         Names of the levels, and the true scale: see ``elicit.plot``.
     cuts : bool
-        False leaves out the lines of the last one's answers and prior.
+        False leaves out the lines of the last comparator's answers and prior.
 
     Returns
     -------
@@ -154,9 +153,9 @@ def plausible(
     """Draw the scales that a comparator holds possible at k = 4, in its own colour.
 
     They are drawn in the plane of the two middle levels' values. A polytope is an area. A
-    Bradley-Terry box is the rectangle of the two levels' intervals, which may leave the triangle of
-    ordered scales. An ensemble's fits and a posterior's particles are dots, the larger the more
-    they weigh.
+    Bradley-Terry box is the rectangle of the two levels' intervals, which may reach beyond the
+    triangle of ordered scales. An ensemble's fits and a posterior's particles are dots, larger with
+    more weight.
 
     Parameters
     ----------
@@ -218,7 +217,7 @@ def plausible(
 
 
 def corners(comparator: PolytopeComparator) -> Floats:
-    """Return the vertices of K_t at k = 4, as gaps, in order around it.
+    """Return the vertices of a polytope's plausible set at k = 4, as gaps, in order around it.
 
     They are computed in rationals and rounded at the end.
 
@@ -229,7 +228,7 @@ def corners(comparator: PolytopeComparator) -> Floats:
     Returns
     -------
     (m, 3)
-        Two vertices if K_t is a segment, one if it is a point.
+        Two vertices if the set is a segment, one if it is a point.
 
     Raises
     ------
@@ -256,14 +255,14 @@ def corners(comparator: PolytopeComparator) -> Floats:
 
 
 def _plane(g: Floats) -> Floats:
-    """Return (e_2, e_3) (m, 2) of gaps g (m, 3)."""
+    """Return the points (e_2, e_3), (m, 2), of scales with gaps g (m, 3)."""
     return np.cumsum(g, axis=1)[:, :2]
 
 
 def _across(row: Floats, limit: float) -> Floats | None:
-    """Return the line row.g = limit across the triangle, (2, 2) in the plane.
+    """Return the ends (2, 2) of the line row.g = limit across the triangle of ordered scales.
 
-    None if it misses the triangle.
+    The result is None if the line misses the triangle.
     """
     if not row.min() < limit < row.max():
         return None
@@ -277,7 +276,7 @@ _SIMPLEX: _Points = [tuple(Fraction(int(i == j)) for j in range(3)) for i in ran
 
 
 def _clipped(area: _Points, row: Floats, limit: Fraction) -> _Points:
-    """Return the part of a convex polygon where row.g >= limit, exactly.
+    """Return the part of a convex polygon where row.g >= limit, in exact arithmetic.
 
     Its vertices stay in the same order.
     """

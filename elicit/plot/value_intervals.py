@@ -1,4 +1,4 @@
-"""Each level's interval and best guess: comparators, or several people, side by side."""
+"""A picture of each level's interval and best guess, for comparators or people side by side."""
 
 from __future__ import annotations
 
@@ -39,16 +39,16 @@ def scale_intervals(
     labels: Sequence[str] | None = None,
     values: ArrayLike | None = None,
 ) -> Axes:
-    """Draw each level's interval by ``bounds`` and its single best guess.
+    """Draw each level's interval, by a comparator's ``bounds``, and its best guess.
 
-    It works for any comparator and any k. Several comparators of the same kind have its colour, the
-    stronger the later.
+    It works for any comparator and any k. Comparators of the same kind have the same colour, which
+    is stronger for later ones.
 
     Parameters
     ----------
     comparators : Comparator, sequence or mapping
-        One, several, or several by name, drawn beside each other. A ``Result`` stands for its
-        comparator.
+        A comparator, or several, perhaps by name, drawn beside each other. A ``Result`` stands for
+        its comparator.
     ax : matplotlib Axes, optional
     labels, values : optional
         Names of the levels, and the true scale: see ``elicit.plot``.
@@ -112,9 +112,9 @@ def scale_intervals(
 
 
 def agreement(found: Agreement, ax: Axes | None = None) -> Axes:
-    """Draw each person's interval of each level's value, and their best guess, side by side.
+    """Draw each person's interval and best guess of each level's value, side by side.
 
-    People of one group stand together and have one colour.
+    People of the same group stand together and have the same colour.
 
     Parameters
     ----------
@@ -166,9 +166,9 @@ def _named(
 
 
 def _looks(comparators: Sequence[Comparator]) -> list[dict[str, Any]]:
-    """Return a style each: that of its kind.
+    """Return a style for each comparator: that of its kind.
 
-    If there are several of a kind, the fainter ones come first, each with a marker of its own.
+    Several comparators of the same kind go from faint to strong, and have different markers.
     """
     kinds = [kind_of(one) for one in comparators]
     each, alike, seen, looks = styles(kinds), Counter(kinds), Counter[str](), []

@@ -1,4 +1,4 @@
-"""Checks that a comparator keeps to its contract, with all optional parts that it has."""
+"""Checks that a comparator fulfils its contract, including the optional parts that it has."""
 
 from functools import partial
 from typing import Any, cast
@@ -37,9 +37,9 @@ from elicit.testing.differences import sample_differences
 def check_comparator(comparator: Comparator, seed: Seed | None = 0) -> None:
     """Check the whole ``Comparator`` contract, with all optional parts that the comparator has.
 
-    It is checked as it is, and after some answers. The answers are those of a tutor whose scale is
-    ``comparator.values``. Only a comparator whose ``rule`` says that dominance does not come first
-    (``AlwaysAsk``, Bradley-Terry with ``dominance=False``) may leave it undecided.
+    The comparator is checked as it is, and after some answers of a tutor whose scale is
+    ``comparator.values``. Dominance must decide first, unless the comparator's ``rule`` says that
+    it does not (``AlwaysAsk``, Bradley-Terry with ``dominance=False``).
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def check_comparator(comparator: Comparator, seed: Seed | None = 0) -> None:
     Raises
     ------
     AssertionError
-        If it breaks the contract.
+        If the comparator breaks the contract.
     """
     demand(is_comparator(comparator), "it must have k, values, bounds, compare and update")
     k = comparator.k
@@ -294,7 +294,7 @@ def _check_settings(comparator: Comparator) -> None:
 
 
 def _check_people(known: Any) -> None:
-    """Check the names of those who answer, and whom of them is asked what."""
+    """Check a comparator's names of people, and whom it asks about what."""
     people, k = known.people, known.k
     named = all(isinstance(name, str) and name for name in people)
     right = len(people) and named and len({*people}) == len(people)
@@ -335,7 +335,7 @@ def _check_all_at_once(comparator: Comparator, d: Floats) -> None:
 
 
 def _check_bounds_above(comparator: Comparator, d: Floats, tight: Floats) -> None:
-    """Check against ``simultaneous_bounds`` of d (n, k), of which those below 0 may be loose."""
+    """Check ``bounds_above`` of d (n, k) against the tight bounds. Those below 0 may be loose."""
     room = TOLERANCE * np.abs(d).sum(axis=1)
     for enough in (float(np.median(tight)), np.maximum(tight, 0.0)):
         found, _ = wanted(partial(bounds_above, comparator, d, enough))
@@ -364,7 +364,7 @@ def _check_bounds_after(comparator: Comparator, d: Floats) -> None:
             tight = simultaneous_bounds(told, d)[0]
             # an estimate serves to choose questions, and may be a little off
             room = 1e-6 * np.abs(d).sum(axis=1)
-            # what is not found is inf
+            # a bound that is not found is inf
             wrong = (found[i, part] < tight - room) & (tight > enough + room)
             wrong |= np.isfinite(found[i, part]) & (
                 found[i, part] > np.maximum(tight, enough) + room
@@ -437,7 +437,7 @@ def _check_rule(comparator: Comparator, d: Floats) -> None:
 
 
 def _check_learned_in_loop(comparator: Comparator, d: Floats) -> None:
-    """Check that a comparator makes itself anew of its own rule, if no answers were entered."""
+    """Check that ``learned_in_loop`` without answers gives an equal comparator."""
     if offers(comparator, "learned_in_loop"):
         made = cast(LearnsInLoops, comparator).learned_in_loop(
             Answers.none(comparator.k), rule_of(comparator)
@@ -456,9 +456,9 @@ def _check_learned_in_loop(comparator: Comparator, d: Floats) -> None:
 
 
 def _check_update(comparator: Comparator, d: Floats) -> Comparator:
-    """Return a comparator that has learned answers, after checks against the old.
+    """Return the comparator after some answers, and check the new one against the old.
 
-    The answers are those of a tutor by its best guess.
+    The answers are those of a tutor whose scale is the comparator's best guess.
     """
     before, bounds, values = comparator.compare(d), comparator.bounds(d), comparator.values.copy()
     kept = cast(KeepsAnswers, comparator).answers.ids if offers(comparator, "answers") else ()

@@ -1,4 +1,4 @@
-"""Demands of a contract: each raises an AssertionError that says what was found instead."""
+"""Demands of a contract, which raise AssertionErrors that say what was found instead."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -20,7 +20,7 @@ def demand(condition: Any, message: str) -> None:
 def demand_near(
     what: str, found: Any, wanted: Any, d: Floats, tolerance: float = TOLERANCE
 ) -> None:
-    """Demand that numbers (n,), one a row of d (n, k), are equal within ``tolerance`` |d|_1."""
+    """Demand that numbers (n,), for rows of d (n, k), equal ``wanted`` to ``tolerance`` |d|_1."""
     apart = np.abs(np.nan_to_num(found) - np.nan_to_num(wanted)) > tolerance * np.abs(d).sum(axis=1)
     if apart.any():
         i = int(np.argmax(apart))
@@ -28,14 +28,14 @@ def demand_near(
 
 
 def demand_same(what: str, found: Any, than: str, wanted: Any, d: Floats) -> None:
-    """Demand that codes (n,), one a row of d (n, k), are those of ``than``."""
+    """Demand that verdict codes (n,), for rows of d (n, k), equal ``wanted``, those of ``than``."""
     demand_near(f"{what} must agree with {than}", found, wanted, d, 0.0)
 
 
 def wanted(call: Callable[[], _T]) -> _T:
-    """Return what a part of the comparator returns.
+    """Return the result of a call of the comparator.
 
-    A wrong shape fails with the contract's own message.
+    If it has a wrong shape, fail with the message of the contract.
     """
     try:
         return call()

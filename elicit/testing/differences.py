@@ -1,4 +1,4 @@
-"""Differences on which comparators go wrong."""
+"""Differences of share vectors on which wrong comparators fail."""
 
 import numpy as np
 
@@ -7,10 +7,10 @@ from elicit.model.scale import Floats
 
 
 def sample_differences(k: int, seed: Seed | None = 0) -> Floats:
-    """Return differences of share vectors on which comparators go wrong.
+    """Return differences of share vectors on which wrong comparators fail.
 
-    They are smooth and sparse ones, near and exact ties, single steps, dominated pairs, zero, and
-    lengths from tiny to large.
+    Some are smooth and some sparse. There are near and exact ties, single steps, dominated pairs
+    and zero, and sizes from tiny to large.
 
     Parameters
     ----------

@@ -15,21 +15,21 @@ _ENDS = 5  # questions about the best and the worst level, which hardly any tuto
 def check_tutor(tutor: Tutor, k: int, truthful: bool = False, seed: Seed | None = 0) -> None:
     """Check that a tutor answers queries about k levels as the contract says.
 
-    The tutor must be no ReplayTutor, which knows only the queries of its log.
+    A ReplayTutor cannot be checked: it knows only the queries of its log.
 
     Parameters
     ----------
     tutor : Tutor
     k : int
     truthful : bool
-        If True, also demand the properties of a tutor without errors: the same answer to the same
-        pair, the mirrored one to the mirrored pair, and never one against dominance.
+        If True, also demand what holds for a tutor without errors: the same answer to the same
+        pair, the flipped answer to the flipped pair, and no answer against dominance.
     seed : int, SeedSequence, Generator or None
 
     Raises
     ------
     AssertionError
-        If it breaks the contract.
+        If the tutor breaks the contract.
     """
     wanted(lambda: check_tutor_made(tutor, k))
     d = sample_differences(k, seed)

@@ -1,4 +1,4 @@
-"""Whoever answers: simulated tutors, and the log of answers with its replay.
+"""Tutors that are simulated or replay a log, and the log of answers.
 
-Imports from ``lp``, ``model`` and below.
+This folder imports from ``lp``, ``model`` and below.
 """

@@ -1,14 +1,20 @@
 """The answer log: append-only, and the single source of truth. Comparators are rebuilt from it.
 
-A log on disk is JSON lines: a header, then one line an event, each with a checksum that chains it
-to the line before (``log_file``). Every append is on the disk before it returns, so a crash loses
-at most the line that was being written. One writer at a time has the file. The log reads no clock:
-a caller who wants times gives them as metadata.
+A log on disk is JSON lines: a header, then a line for each event. Each line has a checksum that
+chains it to the line before (``log_file``). Every append is on the disk before it returns, so a
+crash loses at most the line that was being written. Only one process at a time can write the file.
+The log reads no clock: a caller who wants times gives them as metadata.
 
-The events: a question was "asked", "answered" (the verdict 0 is "equal", null "cannot tell"), its
-answer was "withdrawn", or found "unused" for what it contradicts, and "used" once that was
-withdrawn; and whoever asks has "restarted", knowing the answers so far. Nothing is deleted. What is
-withdrawn are the answers before it that have this id, so the query can be answered anew.
+The events are:
+
+- "asked": a question was put.
+- "answered": the verdict 0 is "equal", and null "cannot tell".
+- "withdrawn": all earlier answers with this id are taken back. The query can be answered anew.
+- "unused": an answer contradicts others, and comparators do not learn it. "used": they learn it
+  again, after others were withdrawn.
+- "restarted": the asker was made anew, knowing the answers so far.
+
+Nothing is deleted.
 """
 
 import json
@@ -40,35 +46,30 @@ from elicit.tutors.log_file import (
 T = TypeVar("T")
 
 WHO = "who"
-"""The field of an answer's line that names the person who gave it, and that of a log's header if
-all answers are one person's.
-"""
+"""The field of an answer's line that names the person who gave it. In a log's header it names the
+person who gave all answers."""
 
 _FIELDS = ("id", "left", "right", "verdict", "swapped", "about", "used")
 EXPECTED = "expected"
-"""The metadata of an audit's answer: the verdict that the other answers imply; of a repeat's: the
-first answer's.
-"""
+"""The metadata field, of an audit's answer, that holds the verdict implied by the other answers; of
+a repeat's answer, the first answer's verdict."""
 REPEATS = "repeats"
-"""The metadata of an answer to a question that was put again: the id of the first. Comparators do
-not learn from it.
-"""
+"""The metadata field of an answer to a repeated question that holds the id of the first.
+Comparators do not learn such answers."""
 RESOLVED = "resolved"
-"""The metadata of a withdrawal by which the person settled two answers that differ: the verdict, or
-None for "cannot tell", that stands in their place.
-"""
+"""The metadata field of a withdrawal by which the person settled two answers that differ. It holds
+the verdict that replaces both, or None for "cannot tell"."""
 CONTRADICTS = "contradicts"
-"""The metadata of an answer that was marked unused for what it contradicts: the ids of those
-answers.
-"""
+"""The metadata field of an answer marked as unused that holds the ids of the answers it
+contradicts."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One answer of a log, whether comparators learn from it, and the caller's metadata.
+    """An answer in a log, whether comparators learn from it, and the caller's metadata.
 
-    ``retraction`` is None while the answer stands; then the metadata of the line that took it back,
-    and ``used`` is False.
+    ``retraction`` is None while the answer stands. If the answer was taken back, it is the metadata
+    of the line that did so, and ``used`` is False.
     """
 
     answer: Answer
@@ -88,15 +89,15 @@ class Entry:
 
     @property
     def repeat(self) -> bool:
-        """True if the question was put again to see whether the answers agree."""
+        """True if the question was asked again to see whether the answers agree."""
         return REPEATS in self.metadata
 
 
 @dataclass(frozen=True)
 class Asked:
-    """A question that was put, and whether it was shown right to left.
+    """A question that was put to the tutor, and whether its sides were shown exchanged.
 
-    metadata is the caller's, such as its words.
+    ``metadata`` is the caller's, such as the words shown.
     """
 
     query: Query
@@ -105,10 +106,7 @@ class Asked:
 
 
 class _Doing(NamedTuple):
-    """An event under way, and what it changes.
-
-    It has the header and the lines of the file once it is on the disk.
-    """
+    """An event under way: what it changes in the log, and the file's lines once it is written."""
 
     change: Callable[[], None]
     header: dict[str, Any]
@@ -116,7 +114,7 @@ class _Doing(NamedTuple):
 
 
 def entries_of(log: Iterable[Entry | Answer]) -> list[Entry]:
-    """The entries of a log, of some of its entries, or of Answers to queries.
+    """Return the entries of a log, of a part of it, or of Answers to queries, as a list.
 
     Raises TypeError for anything else, such as ``Answers``, which do not say what was shown left
     and right.
@@ -133,21 +131,20 @@ def entries_of(log: Iterable[Entry | Answer]) -> list[Entry]:
 class AnswerLog(Closing):
     """All answers of a run, in the order in which they were told.
 
-    ``log[i]`` is an ``Entry``, ``log[i:j]`` several.
+    ``log[i]`` is an ``Entry``, and ``log[i:j]`` a tuple of them.
 
-    path: the file to write; an existing log is continued. None keeps the log in memory. k: the
-    number of levels; None takes it from the file, else from the first answer. header: further JSON
-    fields for the header line, such as the names of the levels. An existing file must have each of
-    them, and the same. who: the person whose answers these all are, who must be that of an existing
-    file; an existing log that names nobody is continued as it is. None: that of the file, else each
-    answer says it, or nobody does.
+    path: the file to write. An existing log is continued. None keeps the log in memory. k: the
+    number of levels. None takes it from the file, else from the first answer. header: further JSON
+    fields for the header line, such as the names of the levels. An existing file must have the same
+    fields. who: the person who gave all these answers. An existing file must be of the same person,
+    or name nobody. None: the file's person; else each answer names its person, or none does.
 
-    The file stays locked until ``close``, or until the log is let go of; as a context manager it
-    closes at the end. Only its owner can read a file that it makes.
+    The file stays locked until ``close``, or until the log object is deleted. As a context manager
+    the log closes at the end of the block. A new file can be read by its owner only.
 
-    Raises BadLog where the file is no log, no regular file, is damaged before its last line, or
-    disagrees with k or header, or is of another person; BlockingIOError where another one writes to
-    it; OSError where it cannot be written.
+    Raises BadLog if the file is no log or no regular file, is damaged before its last line,
+    disagrees with k or header, or is of another person. Raises BlockingIOError if another process
+    writes to it, and OSError if it cannot be written.
     """
 
     def __init__(
@@ -175,9 +172,7 @@ class AnswerLog(Closing):
         self._doing: _Doing | None = None
         if self._path is None:
             return
-        self._file = LogFile(
-            self._path
-        )  # what cannot be written must show before the first question
+        self._file = LogFile(self._path)  # an unwritable file must show before the first question
         try:
             self._load(self._path, self._file.content, None)
             check_person(self, who)
@@ -217,18 +212,18 @@ class AnswerLog(Closing):
         return log
 
     def close(self) -> None:
-        """Give the file free for another writer. What is in the log can still be read."""
+        """Release the file for another writer. The log's contents can still be read."""
         if self._file is not None:
             self._file.close()
 
     @property
     def path(self) -> Path | None:
-        """The file; None of a log in memory."""
+        """The file; None for a log in memory."""
         return self._path
 
     @property
     def k(self) -> int | None:
-        """Number of levels; None as long as nothing says so."""
+        """Number of levels; None until a header or an answer says it."""
         self._finish()
         return self._header.get("k")
 
@@ -247,7 +242,7 @@ class AnswerLog(Closing):
 
     @property
     def asked(self) -> tuple[Asked, ...]:
-        """The questions that were put, in order; one that was put again is there again."""
+        """The questions that were put, in order. A question that was put twice is there twice."""
         self._finish()
         return tuple(self._asked)
 
@@ -259,20 +254,20 @@ class AnswerLog(Closing):
 
     @property
     def checksum(self) -> str | None:
-        """Checksum of the last line on the disk; None of an empty file and of a log in memory."""
+        """Checksum of the last line on the disk; None for an empty file and a log in memory."""
         self._finish()
         return self._lines.check or None
 
     def append(self, answer: Answer, used: bool = True, **metadata: Any) -> None:
-        """Add an answer; when this returns it is on the disk.
+        """Add an answer. When this returns, the answer is on the disk.
 
-        When it raises, nothing has changed. Only an interruption (Ctrl+C) may come after it was
-        added.
+        If it raises, nothing has changed. (Only Ctrl+C may interrupt it after the answer was
+        added.)
 
-        used=False records an answer that comparators are not to learn from. metadata: any JSON,
-        such as a time. Raises ValueError on another number of levels, metadata that is no JSON or
-        names another person than the answer, and on an answer of another person than the log's;
-        BadLog if someone else wrote to the file, OSError if writing fails.
+        ``used=False`` records an answer that comparators must not learn. ``metadata`` is any JSON,
+        such as a time. Raises ValueError for another number of levels, for metadata that is no JSON
+        or names another person than the answer, and for an answer of another person than the log's.
+        Raises BadLog if another program wrote to the file, and OSError if writing fails.
         """
         told = {"verdict": answer.verdict, "swapped": bool(answer.swapped), "used": bool(used)}
         person = answer.who or self.who
@@ -282,9 +277,9 @@ class AnswerLog(Closing):
         self._put("answered", {**_fields_of(answer.query), **told}, metadata)
 
     def append_asked(self, query: Query, swapped: bool = False, **metadata: Any) -> None:
-        """Record that a question is put to the tutor, perhaps right to left.
+        """Record that a question is put to the tutor, with ``swapped`` if its sides are exchanged.
 
-        metadata: any JSON, such as the words shown. Raises like ``append``.
+        ``metadata`` is any JSON, such as the words shown. Raises the errors of ``append``.
         """
         self._put("asked", {**_fields_of(query), "swapped": bool(swapped)}, metadata)
 
@@ -326,15 +321,15 @@ class AnswerLog(Closing):
         self._put("unused", {"id": id}, metadata)
 
     def mark_used(self, id: str, **metadata: Any) -> None:
-        """Record that comparators may learn again from an answer that was marked as unused.
+        """Record that comparators learn again from an answer that was marked as unused.
 
-        The answers that it contradicted may have been taken back. The last unused answer of this
-        id is meant. Parameters and errors are as for ``mark_unused``.
+        The reason may be that the answers it contradicted were taken back. The last unused answer
+        of this id is meant. Parameters and errors are as for ``mark_unused``.
         """
         self._put("used", {"id": id}, metadata)
 
     def mark_restart(self, **metadata: Any) -> None:
-        """Record that the asker was made anew here, knowing the answers that stand.
+        """Record that the asker was made anew here, knowing all answers that were not taken back.
 
         ``metadata`` is any JSON. Errors are as for ``append``.
         """
@@ -342,14 +337,14 @@ class AnswerLog(Closing):
 
     @property
     def standing(self) -> tuple[Entry, ...]:
-        """The entries that were not taken back, also repeats and those that are not used."""
+        """The entries that were not taken back, including repeats and those that are not used."""
         return tuple(entry for entry in self if entry.stands)
 
     def answers(self) -> Answers:
         """Return the answers that a comparator learns from, in order.
 
-        These were used, not taken back, and are no "cannot tell". Raises ValueError for an empty
-        log that does not know its number of levels.
+        They are used, not taken back, and have a verdict. Raises ValueError for an empty log that
+        does not know its number of levels.
         """
         if self.k is None:
             raise ValueError("an empty log does not know its number of levels: give k to AnswerLog")
@@ -390,7 +385,7 @@ class AnswerLog(Closing):
         return f"AnswerLog({', '.join([*parts, *(['read only'] if self._read_only else [])])})"
 
     def _put(self, event: str, fields: dict[str, Any], metadata: dict[str, Any]) -> None:
-        """An event at the end of the log, after the header if there is none in the file."""
+        """Write an event to the end of the log, after a header if the file has none yet."""
         self._finish()
         if self._read_only:
             raise ValueError(
@@ -417,10 +412,10 @@ class AnswerLog(Closing):
             self._finish()
 
     def _finish(self) -> None:
-        """Take in the event under way once it is on the disk.
+        """Apply the event under way to the log, once it is on the disk.
 
-        To do so twice comes to the same as once, for an interruption may come at any line: so
-        whoever reads what the log holds does this first.
+        Applying it twice does no harm, because Ctrl+C may come at any line. So every method that
+        reads the log calls this first.
         """
         doing = self._doing
         if doing is not None and (self._file is None or self._file.kept == doing.lines.kept):
@@ -429,7 +424,7 @@ class AnswerLog(Closing):
             self._doing = None
 
     def _appended(self, file: LogFile, header: dict[str, Any], text: bytes) -> tuple[bytes, Lines]:
-        """Return the line that an event adds to the file, and the state of the file after it."""
+        """Return the bytes that an event adds to the file, and the state of the file after it."""
         data, check = self._lines.joint, self._lines.check
         if header.get("k") is None:
             raise ValueError("an empty log does not know its number of levels: give k to AnswerLog")
@@ -460,9 +455,9 @@ class AnswerLog(Closing):
     def _event(
         self, event: str, fields: dict[str, Any], metadata: dict[str, Any]
     ) -> Callable[[], None]:
-        """Apply a parsed event to this log, once it is on the disk; applying it twice does no harm.
+        """Return a function that applies a parsed event to this log. Calling it twice does no harm.
 
-        Raises ValueError, TypeError or KeyError where it is none, or cannot come next.
+        Raises ValueError, TypeError or KeyError if it is no event, or cannot come next.
         """
         if event == "restarted":
             return self._restart
@@ -501,7 +496,7 @@ class AnswerLog(Closing):
 def _as_path(path: object) -> Path:
     """Return a path given as text or as a path.
 
-    Raises TypeError that says what to write in place of anything else.
+    For anything else, raises TypeError that says what to write.
     """
     try:
         return Path(path)  # type: ignore[arg-type]
@@ -513,7 +508,7 @@ def _as_path(path: object) -> Path:
 
 
 def _end_with(items: list[T], n: int, last: T) -> None:
-    """Put an item behind the first n; twice comes to the same as once."""
+    """Make ``last`` the item after the first n, and the last one. Calling it twice does no harm."""
     items[n:] = [last]
 
 
@@ -527,7 +522,7 @@ def _fields_of(query: Query) -> dict[str, Any]:
 
 
 def _parts(fields: dict[str, Any]) -> tuple[str, dict[str, Any], dict[str, Any]]:
-    """A parsed line: its event, its fields, and the caller's metadata."""
+    """Return the parts of a parsed line: its event, its fields, and the caller's metadata."""
     told = {name: fields[name] for name in fields if name not in _FIELDS and name != EVENT}
     return fields[EVENT], {name: fields[name] for name in _FIELDS if name in fields}, told
 
@@ -535,7 +530,7 @@ def _parts(fields: dict[str, Any]) -> tuple[str, dict[str, Any], dict[str, Any]]
 def _entry(
     query: Query, fields: Mapping[str, Any], metadata: Mapping[str, Any], who: str | None
 ) -> Entry:
-    """The entry of an answer to this query, of the log's person if its line names nobody.
+    """Return the entry of an answer to this query. Its person is ``who`` if the line names nobody.
 
     Raises ValueError or KeyError.
     """
@@ -551,9 +546,9 @@ def _entry(
 
 
 def _withdrawn(entries: list[Entry], id: Any, told: Mapping[str, Any]) -> dict[int, Entry]:
-    """The entries, by their place, that a withdrawal changes.
+    """Return changed copies of the entries that a withdrawal takes back.
 
-    Raises ValueError where it takes back nothing.
+    They are in a dict by their place in the log. Raises ValueError if there are none.
     """
     mine = {i: entry for i, entry in enumerate(entries) if entry.answer.query.id == id}
     people = sorted({e.answer.who for e in mine.values() if e.stands and e.answer.who})
@@ -575,9 +570,9 @@ def _withdrawn(entries: list[Entry], id: Any, told: Mapping[str, Any]) -> dict[i
 
 
 def _marked(entries: list[Entry], id: Any, used: bool, told: Mapping[str, Any]) -> dict[int, Entry]:
-    """The last entry of this id that is to be marked used, or unused.
+    """Return a changed copy of the last entry of this id, marked as used or unused.
 
-    Raises ValueError where there is none.
+    It is in a dict by its place in the log. Raises ValueError if there is no such entry.
     """
     for i in reversed(range(len(entries))):
         entry = entries[i]
@@ -590,9 +585,9 @@ def _marked(entries: list[Entry], id: Any, used: bool, told: Mapping[str, Any]) 
 
 
 def check_person(log: AnswerLog, who: str | None) -> None:
-    """Raise BadLog if a log holds answers of another person than ``who``. None: of anybody.
+    """Raise BadLog if a log holds answers of another person than ``who``. None allows anybody.
 
-    Answers that name nobody, and those withdrawn, count for nothing.
+    Answers that name nobody, and answers that were withdrawn, are ignored.
     """
     if who is None:
         return
@@ -606,13 +601,13 @@ def check_person(log: AnswerLog, who: str | None) -> None:
 
 
 def _check_same(known: Any, who: str) -> None:
-    """Raise ValueError if an answer of one person is said to be of another."""
+    """Raise ValueError if an answer of one person is given as one of another person."""
     if known is not None and known != who:
         raise ValueError(f"an answer of {who!r} cannot be logged as one of {known!r}")
 
 
 def _agreed(header: dict[str, Any], wanted: Mapping[str, Any], path: Path) -> dict[str, Any]:
-    """The header of a file, if it is one of a log that can be continued as wanted."""
+    """Return the header of a file, after a check that the log can be continued as wanted."""
     for name, value in wanted.items():
         if name in ("format", "version", WHO) or (name in header and header[name] == value):
             continue

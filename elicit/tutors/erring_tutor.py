@@ -1,8 +1,8 @@
-"""The likelihood of an erring tutor: eq. (6) with lapses, for all code that predicts answers.
+"""The likelihood of an erring tutor's answers, used by all code that predicts answers.
 
-A tutor with precision c says that left is better with probability
-lapse/2 + (1 - lapse) / (1 + exp(-c d.e)). The posterior's compiled twin, which needs logarithms and
-answers "equal" too, is ``comparators.bradley_terry.density.log_term``.
+It is the paper's eq. (6) with lapses. A tutor with precision c says that left is better with
+probability lapse/2 + (1 - lapse) / (1 + exp(-c d.e)). The posterior has a compiled version,
+``comparators.bradley_terry.density.log_term``, which gives logarithms and includes answers "equal".
 """
 
 import numpy as np

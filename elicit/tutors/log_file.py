@@ -1,9 +1,8 @@
 """The file of an answer log: JSON lines, each ending in a checksum, and one writer at a time.
 
-What was appended is on the disk. The checksum of a line chains it to the line before. So a bit that
-flips, a line that is edited, left out or moved is noticed when the log is read; not so whole lines
-that are missing at the end. A checksum is against accidents: whoever means to forge a log can
-compute it.
+What was appended is on the disk. The checksum of a line covers the checksum of the line before. So
+reading notices a changed bit, and a line that was edited, removed or moved. It does not notice if
+whole lines are missing at the end. Checksums are against accidents: a forger can compute them too.
 """
 
 import hashlib
@@ -35,10 +34,9 @@ _FAR = 1 << 30  # where Windows locks a byte: there nobody reads, whom it would 
 
 
 class BadLog(ValueError):
-    """A file that is no answer log, that is damaged, or that is not the log it was taken for.
+    """Error for a file that is no answer log, is damaged, or is not the log that was expected.
 
-    ``line`` is the number of the offending line, the first being 1; None if it is not one line's
-    fault.
+    ``line`` is the number of the bad line, counted from 1, or None if no single line is bad.
     """
 
     def __init__(self, message: str, line: int | None = None) -> None:
@@ -47,10 +45,10 @@ class BadLog(ValueError):
 
 
 def json_of(fields: Mapping[str, Any], what: str) -> bytes:
-    """Return one line of JSON, without its end.
+    """Return a line of JSON, as bytes without a line feed.
 
-    Python writes floats so that they read back to the last bit. Raises ValueError if ``what`` is no
-    JSON.
+    Python writes floats so that reading gives the same number to the last bit. Raises ValueError,
+    which names ``what``, if the fields cannot be JSON.
     """
     try:
         return json.dumps(fields, allow_nan=False).encode("ascii")
@@ -59,9 +57,9 @@ def json_of(fields: Mapping[str, Any], what: str) -> bytes:
 
 
 def with_check(text: bytes, before: str) -> tuple[bytes, str]:
-    """Return a line of this JSON object, and its checksum.
+    """Return the line of a JSON object with its checksum, and the checksum.
 
-    It follows a line with the checksum ``before``.
+    ``before`` is the checksum of the line before.
     """
     body = text[:-1]
     check = _digest(before.encode("latin-1") + body)
@@ -70,12 +68,12 @@ def with_check(text: bytes, before: str) -> tuple[bytes, str]:
 
 @dataclass
 class Lines:
-    """The content of a file.
+    """The content of a log file, as far as it can be trusted.
 
-    header: None in an empty file. lines: the number and the fields of each line after the header.
-    kept: bytes of whole lines. joint: bytes that the next line needs before it. check: the checksum
-    of the last line. damage: the error for the first line that does not follow from the one before;
-    then ``lines`` are those before it.
+    header: the header's fields, or None in an empty file. lines: the number and the fields of each
+    line after the header. kept: the number of bytes in whole lines. joint: bytes to write before
+    the next line. check: the checksum of the last line. damage: the error for the first line whose
+    checksum is wrong, at which ``lines`` end; None if there is none.
     """
 
     header: dict[str, Any] | None = None
@@ -89,9 +87,8 @@ class Lines:
 def parse(data: bytes, path: Path) -> Lines:
     """Return the lines of a file, up to the first damaged one.
 
-    A last line that was never finished is no damage.
-
-    Raises BadLog where the header is none.
+    An unfinished last line, which a crash leaves, is no damage. Raises BadLog if the first line is
+    no header.
     """
     *lines, last = data.split(b"\n")
     found = Lines(kept=len(data))
@@ -100,7 +97,7 @@ def parse(data: bytes, path: Path) -> Lines:
             last
         )  # never acknowledged as written: the next append takes it out of the file
     elif last:
-        lines.append(last)  # whole but for its end: the line feed is what the crash took
+        lines.append(last)  # whole, except that the crash took its line feed
         found.joint = b"\n"
     if not lines:
         return found
@@ -130,7 +127,7 @@ def parse(data: bytes, path: Path) -> Lines:
 def damage(
     path: Path, number: int, line: bytes, why: str, advice: str = "or keep what is whole"
 ) -> BadLog:
-    """Return the error for a line that is damaged. The advice is what ``--salvage`` does."""
+    """Return the error for a damaged line. ``advice`` says what ``--salvage`` does."""
     text = line[:60].decode("utf-8", "replace")
     return BadLog(
         f"line {number} of {path} is damaged ({why}): {text!r}. Take a copy of the file from "
@@ -141,7 +138,7 @@ def damage(
 
 
 def _check_after(line: bytes, before: str) -> str | None:
-    """Return a line's checksum if it is the one that belongs after ``before``, else None."""
+    """Return a line's checksum if it is right for a line after ``before``, else None."""
     text, check = with_check(line[:-_END] + b"}", before)
     return check if text[:-1] == line else None
 
@@ -151,10 +148,10 @@ def _digest(data: bytes) -> str:
 
 
 def _is_torn(line: bytes, first: bool) -> bool:
-    """Return whether a crash may have left an unfinished last line.
+    """Return whether a file's last line is one that a crash left unfinished.
 
-    A torn line is the beginning of a JSON object. It cannot contain a whole object. If it does, the
-    line was whole once, and its line feed was changed.
+    Such a line is the beginning of a JSON object. A line that contains a whole object is not: it
+    was complete, and has lost its line feed since.
     """
     text = line.decode("utf-8", "replace")
     with suppress(ValueError):
@@ -217,11 +214,11 @@ def check_regular(path: Path, mode: int) -> None:
 class LogFile:
     """A regular file, open for appending, and locked.
 
-    The lock ends when it is closed (or let go of, or the process ends). A new file can be read by
-    its owner only.
+    The lock ends when the object is closed or deleted, or the process ends. A new file can be read
+    by its owner only.
 
-    Raises BadLog for any other file; BlockingIOError, which names the process if it can, where
-    another one has the lock; OSError where the file cannot be written.
+    Raises BadLog for any other file. Raises BlockingIOError, with the process's number if known, if
+    another process has the lock, and OSError if the file cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -233,7 +230,7 @@ class LogFile:
         self._path = path
         self._file: BinaryIO = open(path, "a+b", buffering=0, opener=_open_private)  # noqa: SIM115
         self.close = weakref.finalize(self, self._file.close)
-        """Give the file and its lock free."""
+        """Close the file, and release its lock."""
         try:
             check_regular(path, os.fstat(self._file.fileno()).st_mode)
             _lock(self._file, path)
@@ -256,19 +253,19 @@ class LogFile:
                 os.close(directory)
 
     def keep(self, size: int) -> None:
-        """Note how many bytes are whole lines; the next append removes what is behind them."""
+        """Set the number of bytes that are whole lines; the next append removes what follows."""
         self._kept = size
 
     @property
     def kept(self) -> int:
-        """Bytes of whole lines."""
+        """The number of bytes that are whole lines."""
         return self._kept
 
     def append(self, data: bytes) -> None:
-        """Add to the end; when this returns it is on the disk.
+        """Add bytes to the end. When this returns, they are on the disk.
 
-        When it raises, the file ends where it did. Raises ValueError if it was closed, BadLog if
-        someone else wrote to it, OSError if writing fails.
+        If it raises, the file ends where it did before. Raises ValueError if the file was closed,
+        BadLog if another program wrote to it, and OSError if writing fails.
         """
         if self._file.closed:
             raise ValueError(f"the log {self._path} was closed: open it again to go on")
@@ -285,15 +282,15 @@ class LogFile:
             os.fsync(self._file.fileno())
             self._size = self._kept = self._kept + len(data)
         except BaseException:
-            # half a line in the middle would spoil the file for good; what cannot be taken out now
-            # goes next time
+            # half a line in the middle would spoil the file for good; if it cannot be removed now,
+            # the next append removes it
             with suppress(OSError):
                 self._file.truncate(self._kept)
             self._size = os.fstat(self._file.fileno()).st_size
             raise
 
     def _check_mine(self) -> None:
-        """Raise BadLog if the file is not as it was left.
+        """Raise BadLog if another program has changed the file since the last append.
 
         Not every program asks for the lock.
         """
@@ -322,9 +319,9 @@ def _open_private(path: str, flags: int) -> int:
 
 
 def _lock(file: BinaryIO, path: Path) -> None:
-    """Hold the file until it is closed, or the process is gone.
+    """Lock the file until it is closed or the process ends.
 
-    On a file system without locks each append still notices that another one came between.
+    Some file systems have no locks. There each append still notices if another process wrote.
     """
     try:
         if sys.platform == "win32":
@@ -343,7 +340,10 @@ def _lock(file: BinaryIO, path: Path) -> None:
 
 
 def _holder(file: BinaryIO) -> str:
-    """Return who has the lock, if the system tells (Linux)."""
+    """Return the number of the process that holds the lock, as text, if the system tells it.
+
+    Linux does.
+    """
     inode = str(os.fstat(file.fileno()).st_ino)
     with suppress(OSError):
         for line in Path("/proc/locks").read_text(encoding="ascii").splitlines():

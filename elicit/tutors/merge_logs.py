@@ -1,4 +1,4 @@
-"""Several logs of one problem as one, such as those of several experts."""
+"""Several logs of the same problem, such as those of several people, merged into one log."""
 
 import os
 from collections.abc import Sequence
@@ -11,9 +11,11 @@ from elicit.tutors.log_file import BadLog
 def merge_logs(logs: Sequence[AnswerLog], out: str | os.PathLike[str]) -> None:
     """Write all answers of the logs to a new file, one log after the other.
 
-    An answer that is in several logs is written once. Withdrawn answers come first: withdrawing
-    takes back all earlier answers to a query. Questions without an answer are left out. In a merged
-    log of several people each answer names its person.
+    An answer that is in several logs is written once. Questions without an answer are left out. If
+    the logs are of several people, each answer names its person.
+
+    Withdrawn answers are written before all others. Otherwise withdrawing one would also take back
+    earlier answers to the same query from other logs.
 
     Parameters
     ----------
@@ -61,7 +63,7 @@ def merge_logs(logs: Sequence[AnswerLog], out: str | os.PathLike[str]) -> None:
 
 
 def _name_of(entry: Entry) -> str:
-    """Return a name that copies of one entry share, and nothing else."""
+    """Return a key that copies of an entry share, and different entries do not."""
     query = entry.answer.query
     told = (
         query.id,

@@ -1,4 +1,4 @@
-"""Several people as one tutor: each question goes to the person whom it asks."""
+"""A tutor made of several people's tutors: each question goes to the person whom it names."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -14,14 +14,16 @@ def as_one_tutor(
     tutor: Callable[[Query], Answer | int] | Mapping[str, Callable[[Query], Answer | int]],
     comparator: Comparator,
 ) -> Callable[[Query], Answer | int]:
-    """Return a tutor as it is, and several by name as one who asks the person a query names.
+    """Return one tutor for a mapping of tutors by name; a single tutor is returned as it is.
 
-    A comparator of several raters names nobody: then they are asked by turns.
+    It asks the person whom a query names. A comparator with several raters names nobody, and then
+    the people are asked in turn.
 
     Raises
     ------
     ValueError
-        If a person has no tutor, or several have one though one is asked; before anybody is asked.
+        If a person has no tutor, or there are several tutors but the comparator is of one person.
+        It is raised before anybody is asked.
     """
     if not isinstance(tutor, Mapping):
         return tutor
@@ -39,20 +41,20 @@ def as_one_tutor(
 
 
 class PanelTutor:
-    """A tutor that hands each query on to the tutor of the person it asks (``Query.who``).
+    """A tutor that passes each query to the tutor of the person that it names (``Query.who``).
 
     Parameters
     ----------
     tutors : mapping of str to tutor
         The tutor of each person. A tutor is any function from a ``Query`` to an ``Answer``, or to a
-        verdict on the query's left vector. With one tutor, a query need not say whom it asks.
+        verdict on the query's left vector. With a single tutor, a query need not name anybody.
 
     Raises
     ------
     TypeError
         If one of them cannot be called.
     ValueError
-        If there is none, or they were made for different numbers of levels.
+        If there is none, or they are for different numbers of levels.
     """
 
     def __init__(self, tutors: Mapping[str, Callable[[Query], Answer | int]]) -> None:
@@ -67,9 +69,9 @@ class PanelTutor:
         return f"PanelTutor({', '.join(self.tutors)})"
 
     def __call__(self, query: Query) -> Answer:
-        """Return the answer of the person whom the query asks, in their name.
+        """Return the answer of the person whom the query names, with that name.
 
-        Raises ValueError if it asks nobody, or somebody without a tutor.
+        Raises ValueError if the query names nobody, or a person without a tutor.
         """
         names = [*self.tutors]
         who = names[0] if query.who is None and len(names) == 1 else query.who
@@ -84,9 +86,9 @@ class PanelTutor:
 
 
 class TutorsByTurns(PanelTutor):
-    """A tutor that puts each query to the next of several people.
+    """A tutor that passes queries to several people in turn.
 
-    A query that asks somebody goes to that person.
+    A query that names somebody goes to that person.
     """
 
     def __init__(self, tutors: Mapping[str, Callable[[Query], Answer | int]]) -> None:
@@ -94,7 +96,7 @@ class TutorsByTurns(PanelTutor):
         self._asked = 0
 
     def __call__(self, query: Query) -> Answer:
-        """Return the answer of the person whose turn it is, in their name."""
+        """Return the answer of the person whose turn it is, with their name."""
         if query.who is None:
             names = [*self.tutors]
             query = replace(query, who=names[self._asked % len(names)])

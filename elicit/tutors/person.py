@@ -14,6 +14,7 @@ from scipy.special import expit
 
 from elicit._support.hashing import Seed, fold, key_of, name_code, uniform
 from elicit._support.seeds import seed_of
+from elicit.comparators.bradley_terry.density import EQUAL_LAPSES
 from elicit.model.difference import tail_sums
 from elicit.model.difference_kernel import pair_code, way_round
 from elicit.model.query import Answer, Query, Verdict
@@ -25,11 +26,11 @@ _LEAST_SPREAD = 1e-4  # of two bags that hold one level each: then the answer is
 
 
 class Population(NamedTuple):
-    """The distribution over people that ``PersonTutor`` draws one person from.
+    """The distribution of people from which ``PersonTutor`` draws a person.
 
-    The logarithm of the precision is normal, the lapse is Beta(a, b), the side bias is normal. A
-    share ``ties`` of the people sometimes answers EQUAL, with a width whose logarithm is normal.
-    Precision, bias and width are in logits.
+    The logarithm of the precision is normal, the lapse is Beta(a, b), and the side bias is normal.
+    A share ``ties`` of the people sometimes answers EQUAL. The logarithm of their width of EQUAL is
+    normal. Precision, bias and width are in logits.
     """
 
     log_precision: float
@@ -58,15 +59,16 @@ DRAWN_FROM = Population(
 
 
 class PersonTutor:
-    """Errs as people were seen to err; one seed is one person.
+    """A simulated tutor who errs as people do in experiments. The seed determines the person.
 
-    With probability 1 - ``lapse`` the person weighs the bags: says "left" with probability
+    With probability 1 - ``lapse`` the person weighs the two bags. They say "left" with probability
     sigma(precision d.e / spread + side - width), "right" with sigma(-precision d.e / spread - side
-    - width), and EQUAL otherwise. The spread is the root of the two bags' mean variance of value,
-    so that clear cases are answered well and close or complex ones badly. With probability
-    ``lapse`` any answer comes that this person gives at all.
+    - width), and otherwise EQUAL. ``side`` is a bias to the left. The spread is the root of the
+    mean variance of value within the bags: bags of mixed levels are harder to compare. With
+    probability ``lapse`` they say "left" or "right", equally often. If the person ever says EQUAL
+    of bags that differ, a share ``EQUAL_LAPSES`` of these lapses says EQUAL instead.
 
-    The errors depend on the seed, the unordered pair, and how often it was asked before.
+    Errors depend only on the seed, the pair, in either order, and how often it was asked before.
 
     Parameters
     ----------
@@ -78,7 +80,7 @@ class PersonTutor:
     Attributes
     ----------
     precision, lapse, width, side : float
-        Of this person. A width of 0 means that EQUAL is only said of two identical bags.
+        The person's parameters. With a width of 0 they call only identical bags EQUAL.
 
     Raises
     ------
@@ -150,13 +152,13 @@ class PersonTutor:
         means = float((left @ self._e) ** 2 + (right @ self._e) ** 2) / 2
         spread = max(float(np.sqrt(max(0.0, squares - means))), _LEAST_SPREAD)
         logit = self.precision * float((left - right) @ self._e) / spread + self.side
-        any_answer = self.lapse / (3.0 if self.width else 2.0)
+        any_answer = 0.5 * self.lapse * (1.0 - EQUAL_LAPSES if self.width else 1.0)
         yes = any_answer + (1.0 - self.lapse) * float(expit(logit - self.width))
         no = any_answer + (1.0 - self.lapse) * float(expit(-logit - self.width))
         return yes, no, max(0.0, 1.0 - yes - no) if self.width else 0.0
 
     def __call__(self, query: Query) -> Answer:
-        """Return the answer to one query. Raises ValueError if it is not about k levels."""
+        """Return the person's answer to a query. Raises ValueError if it is not about k levels."""
         left, right, equal = self.probabilities(query)
         self._given += 1
         if equal == 1.0:
@@ -176,7 +178,10 @@ class PersonTutor:
 
 
 def _bags(query: Query) -> tuple[Floats, Floats]:
-    """Return left and right (k,) as shares of total 1: what is missing in one is worth nothing."""
+    """Return left and right (k,) as shares of total 1.
+
+    A missing share is added at the worst level.
+    """
     both = np.stack([query.left, query.right])
     both = both - np.minimum(both.min(axis=0), 0.0)
     totals = both.sum(axis=1)

@@ -12,18 +12,23 @@ from elicit.tutors.answer_log import Entry, entries_of
 
 
 class NotInLog(LookupError):
-    """A replayed log holds no answer to this query."""
+    """Error for a query that the replayed log has no answer to."""
 
 
 class ReplayTutor:
-    """Answers from a log, by query id, else by pair.
+    """Replays the answers of a log.
 
-    A pair is the same difference but for rounding, or its opposite.
+    A query is looked up by its id. If no answer has that id, it is looked up by its pair: the same
+    difference but for rounding, or its opposite. A query with ``who`` gets answers of that person
+    only, in both cases.
 
-    ``log`` is an AnswerLog, or any iterable of its entries or of Answers; what was not used then is
-    replayed too, what was retracted is not. A query that says whom it asks gets the answers of that
-    person only. A pair answered several times is replayed in the order
-    of the log. The same query asked again gets the same answer again.
+    Answers to the same pair are replayed in the order of the log. A query asked again gets the next
+    answer of the log with that id, or the same answer again if there is none.
+
+    Parameters
+    ----------
+    log : AnswerLog, or iterable of Entry or Answer
+        Answers that the recorded run did not use are replayed too. Retracted answers are not.
     """
 
     def __init__(self, log: Iterable[Entry | Answer]) -> None:
@@ -38,26 +43,23 @@ class ReplayTutor:
         for i, answer in enumerate(self._answers):
             self._by_id.setdefault(answer.query.id, []).append(i)
         self._replayed: set[int] = set()
-        self._last: dict[str, int] = {}
+        self._last: dict[tuple[str, str | None], int] = {}
 
     def __repr__(self) -> str:
         return f"ReplayTutor({len(self._answers)} answers)"
 
     def __call__(self, query: Query) -> Answer:
-        """The answer that the log holds. Raises NotInLog (a LookupError) where it holds none."""
+        """Return the log's answer to this query. Raises NotInLog, a LookupError, if it has none."""
         ways = self._ways(query)
-        own = self._by_id.get(query.id, [])
-        last = self._last.get(query.id, own[-1] if own else None)
-        theirs = [
-            i
-            for i in np.flatnonzero(ways).tolist()
-            if query.who is None or self._answers[i].who == query.who
-        ]
-        candidates = theirs if last is None else own
+        own = self._of_person(self._by_id.get(query.id, []), query.who)
+        last = self._last.get((query.id, query.who), own[-1] if own else None)
+        same_pair = self._of_person(np.flatnonzero(ways).tolist(), query.who)
+        candidates = same_pair if last is None else own
         fresh = next((i for i in candidates if i not in self._replayed), last)
         if fresh is None:
+            person = "" if query.who is None else f" by {query.who!r}"
             raise NotInLog(
-                f"the log has no answer to query {query.id}"
+                f"the log has no answer{person} to query {query.id}"
                 + (
                     f": all {len(candidates)} answers to this pair were replayed already"
                     if candidates
@@ -76,14 +78,18 @@ class ReplayTutor:
                 "another problem"
             )
         self._replayed.add(fresh)
-        self._last[query.id] = fresh
+        self._last[query.id, query.who] = fresh
         if ways[fresh] > 0:
             return Answer(query, found.verdict, found.swapped, found.who)
         verdict = None if found.verdict is None else found.verdict.flipped
         return Answer(query, verdict, not found.swapped, found.who)
 
+    def _of_person(self, rows: list[int], who: str | None) -> list[int]:
+        """Return those of the rows whose answer is from ``who``; all of the rows if it is None."""
+        return [i for i in rows if who is None or self._answers[i].who == who]
+
     def _ways(self, query: Query) -> NDArray[np.int8]:
-        """Return which answers (n,) are about the query's pair: 1, -1 if exchanged, else 0."""
+        """Return for each answer (n,): 1 if it is about the query's pair, -1 if flipped, else 0."""
         found, k = np.zeros(len(self._answers), np.int8), len(query.left)
         if k in self._rows:
             found[self._rows[k]] = same_pairs(tail_sums(query.d), self._sums[k])

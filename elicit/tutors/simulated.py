@@ -1,8 +1,8 @@
 """Simulated tutors, truthful or erring.
 
-A simulated tutor holds a hidden scale. Its errors are a function of its seed, of the unordered pair
-and of how often that pair was asked before: not of what else was asked, nor in which order, nor of
-which vector came first. So runs that ask different questions still meet the same tutor.
+A simulated tutor holds a hidden scale. Its errors depend only on its seed, on the pair, and on how
+often that pair was asked before. They do not depend on other questions or their order, nor on which
+vector came first. So runs that ask different questions still meet the same tutor.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ _PURPOSE = name_code("errors of a simulated tutor")
 
 
 class _Simulated:
-    """The hidden scale, the exact truth about a pair, the errors, and how many were made.
+    """Base class of simulated tutors, with a hidden scale, exact truth, errors, and counts.
 
-    An erring one draws one number in [0, 1) for each asking of a pair: an error where it is below
-    the error probability.
+    For each time that a pair is asked, an erring tutor draws a number in [0, 1). The answer is
+    wrong if the number is below the error probability.
     """
 
     _kind = kernel.TRUTHFUL
@@ -63,29 +63,27 @@ class _Simulated:
 
     @property
     def values(self) -> Floats:
-        """(k,) the hidden scale, from 0 to 1."""
+        """The hidden scale (k,), from 0 to 1."""
         return self._e.copy()
 
     @property
     def realised_error_rate(self) -> float:
         """Wrong answers as a share of all answers given so far; nan before the first.
 
-        To call either of two exactly equal vectors better is not wrong.
+        If two vectors are exactly equal, calling one of them better is not wrong.
         """
         given, wrong = int(self._tally[kernel.GIVEN]), int(self._tally[kernel.WRONG])
         return wrong / given if given else float("nan")
 
     def __call__(self, query: Query) -> Answer:
-        """The answer to one query. Raises ValueError if it is not about k levels."""
+        """Return the answer to a query. Raises ValueError if it is not about k levels."""
         return Answer(query, Verdict(int(self.signs(query.d)[0])))
 
     def signs(self, d: ArrayLike) -> Signs:
-        """Return answers (n,) int8 in {-1, 0, +1} to differences d (n, k), in order.
+        """Return answers (n,) int8 in {-1, 0, +1} to questions about d (n, k), in order.
 
-        Each row counts as one asking.
-
-        The same as n calls, but faster. Raises ValueError on a wrong shape or numbers that are not
-        finite.
+        They are the same as those of n calls, but computed faster. Raises ValueError for a wrong
+        shape or numbers that are not finite.
         """
         t = np.ascontiguousarray(tail_sums(as_vectors(d, self.k)))
         answers = np.empty(len(t), dtype=np.int8)
@@ -99,10 +97,10 @@ class _Simulated:
 
     @property
     def respondent(self) -> Respondent:
-        """The tutor as plain arrays, for compiled loops; what it says there is counted here.
+        """Return the tutor as plain arrays for compiled loops. Answers there are counted here.
 
-        Ask for it anew whenever it has come back LEFT_OPEN. Nobody, for one that answers in a way
-        of its own.
+        Ask for it again whenever a loop has come back LEFT_OPEN. The result is ``nobody()`` for a
+        class that answers in its own way.
         """
         kind = type(self)
         ours = (
@@ -137,11 +135,12 @@ class _Simulated:
 class TruthfulTutor(_Simulated):
     """A tutor that never errs: it answers the exact sign of d.e.
 
-    It says 0 (EQUAL) if |d.e| <= ``tie``, which is 0 by default.
+    It says 0 (EQUAL) if |d.e| <= ``tie``.
 
-    values (k,) is the hidden scale, increasing, in any unit; tie a share of its range, at least 0
-    and below 1. Exact means: for the float numbers ``tail_sums(d)`` and ``gaps(values)``, the sign
-    of their product in rational arithmetic. Raises ValueError unless the values increase.
+    ``values`` (k,) is the hidden scale, increasing, in any unit. ``tie`` is a share of its range,
+    at least 0 and below 1; 0 by default. The sign is that of the product of the floats
+    ``tail_sums(d)`` and ``gaps(values)`` in rational arithmetic. Raises ValueError unless the
+    values increase.
     """
 
     def __init__(self, values: ArrayLike, tie: float = 0.0) -> None:
@@ -183,17 +182,17 @@ class FlippingTutor(_Simulated):
     def from_error_rate(
         cls, values: ArrayLike, rate: float, reference: ArrayLike, seed: Seed | None = 0
     ) -> FlippingTutor:
-        """Return a tutor of a given expected error rate over the differences ``reference`` (n, k).
+        """Return a tutor with a given expected error rate on the differences ``reference`` (n, k).
 
-        Its error rate is ``rate``, raised only to make up for exact ties among them. Raises
-        ValueError unless 0 < rate < 1/2 and the reference allows it.
+        Exact ties among them cannot be answered wrongly, and the rate of errors on others is raised
+        to make up for that. Raises ValueError unless 0 < rate < 1/2 and such a rate exists.
         """
         size = _reference_sizes(values, rate, reference)
         return cls(values, rate / float(np.mean(size > 0)), seed)
 
 
 class BradleyTerryTutor(_Simulated):
-    """A tutor that errs more often the closer a case is, by eq. (6).
+    """A tutor that errs more often the closer two vectors are, by the paper's eq. (6).
 
     It says "left is better" with probability 1 / (1 + exp(-precision * d.e)). So answers about near
     ties are often wrong, and those about clear cases rarely. The share of wrong answers depends on
@@ -208,8 +207,8 @@ class BradleyTerryTutor(_Simulated):
     seed : int, SeedSequence, Generator or None
         Draws the errors. None: a new seed.
     tie : float
-        With a tie w > 0 the tutor follows Rao and Kupper (1967). It says "left" with probability
-        1 / (1 + exp(-precision * (d.e - w))), "right" likewise, and EQUAL otherwise. With 0, only
+        With a tie w > 0 the tutor follows Rao and Kupper (1967). It says "left" with probability 1
+        / (1 + exp(-precision * (d.e - w))), "right" likewise, and EQUAL otherwise. With 0, only
         identical vectors are EQUAL, and an exact tie is a coin toss.
 
     Raises
@@ -229,9 +228,9 @@ class BradleyTerryTutor(_Simulated):
         super().__init__(values, seed, self.precision, tie)
 
     def expected_error_rate(self, reference: ArrayLike) -> float:
-        """Return the expected share of wrong answers to the differences ``reference`` (n, k).
+        """Return the expected share of wrong answers on the differences ``reference`` (n, k).
 
-        It assumes that none is called equal. Exact ties count as answered rightly.
+        The tutor is taken to call nothing equal. Answers to exact ties count as right.
         """
         size = _sizes(self._g, reference)
         return float(np.where(size > 0, expit(-self.precision * size), 0.0).mean())
@@ -240,10 +239,10 @@ class BradleyTerryTutor(_Simulated):
     def from_error_rate(
         cls, values: ArrayLike, rate: float, reference: ArrayLike, seed: Seed | None = 0
     ) -> BradleyTerryTutor:
-        """Return the tutor of expected error rate ``rate`` over differences ``reference`` (n, k).
+        """Return the tutor with expected error rate ``rate`` on differences ``reference`` (n, k).
 
-        Exact ties in the reference count as answered rightly. Raises ValueError unless
-        0 < rate < 1/2 and the reference allows it.
+        Answers to exact ties count as right. Raises ValueError unless 0 < rate < 1/2 and some
+        precision gives that rate.
         """
         size = _reference_sizes(values, rate, reference)
 
@@ -263,9 +262,9 @@ class BradleyTerryTutor(_Simulated):
 
 
 def _truth(t: Floats, g: Floats) -> tuple[int, float]:
-    """Return the exact sign of t.g, and |t.g| in floats.
+    """Return the exact sign of t.g, for tail sums t (p,) and gaps g (p,), and |t.g| in floats.
 
-    t (p,) are tail sums and g (p,) gaps; it is 0 at a tie and nowhere else.
+    The latter is 0 only at an exact tie.
     """
     sign, size = kernel.truth(t, g)
     if sign != LEFT_OPEN:
@@ -275,7 +274,7 @@ def _truth(t: Floats, g: Floats) -> tuple[int, float]:
 
 
 def _reference_sizes(values: ArrayLike, rate: float, reference: ArrayLike) -> Floats:
-    """|d.e| (n,) of the reference, once it is clear that a tutor can err at this rate over it."""
+    """Return |d.e| (n,) of the reference differences, after a check that the rate is possible."""
     if not (is_number(rate) and 0 < rate < 0.5):
         raise ValueError(f"an error rate must lie strictly between 0 and 1/2, not {rate!r}")
     size = _sizes(gaps(values), reference)
@@ -291,6 +290,6 @@ def _reference_sizes(values: ArrayLike, rate: float, reference: ArrayLike) -> Fl
 
 
 def _sizes(g: Floats, reference: ArrayLike) -> Floats:
-    """|d.e| (n,) of differences (n, k), by the gaps g (p,)."""
+    """Return |d.e| (n,) of differences (n, k), for a scale with gaps g (p,)."""
     t = np.ascontiguousarray(tail_sums(as_vectors(reference, len(g) + 1, name="reference")))
     return np.array([_truth(row, g)[1] for row in t])

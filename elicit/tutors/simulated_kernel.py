@@ -1,6 +1,6 @@
-"""A simulated tutor as plain arrays, answering one pair at a time, in compiled code.
+"""A simulated tutor as plain arrays, which answers pairs in compiled code.
 
-It also serves as the oracle that is asked about everything: it gives millions of answers, none of
+It also serves as the baseline that asks the tutor about everything: millions of answers, none of
 which is kept.
 """
 
@@ -27,7 +27,7 @@ GIVEN, WRONG, PAIRS = (
 
 
 class Respondent(NamedTuple):
-    """A hidden scale, the law of the errors, and how often each pair was asked about."""
+    """A simulated tutor: its hidden scale, the law of its errors, and counts of pairs asked."""
 
     kind: int
     gaps: Floats  # (p,)
@@ -40,7 +40,7 @@ class Respondent(NamedTuple):
 
 
 def nobody() -> Respondent:
-    """Return a respondent who is never asked."""
+    """Return a Respondent to be passed to loops that never ask it."""
     pairs, times = np.empty(0, np.uint64), np.empty(0, np.int64)
     return Respondent(
         NOBODY, np.empty(0), 0.0, 0.0, np.uint64(0), pairs, times, np.zeros(3, np.int64)
@@ -49,9 +49,9 @@ def nobody() -> Respondent:
 
 @compiled
 def truth(t: Any, g: Any) -> tuple[int, float]:
-    """Return the sign of t.g, of tail sums t (p,) and gaps g (p,), and its size.
+    """Return the sign and the size of t.g, for tail sums t (p,) and gaps g (p,).
 
-    The sign is LEFT_OPEN if rounding leaves it open: the sum is too near to 0, or too large.
+    The sign is LEFT_OPEN if floats cannot tell: the sum is too near to 0, or too large.
     """
     at, size = 0.0, 0.0
     for j in range(len(t)):
@@ -68,7 +68,7 @@ def truth(t: Any, g: Any) -> tuple[int, float]:
 
 @compiled
 def place_of(code: Any, pairs: Any) -> int:
-    """Return the place of a pair's hash in the table, or the free place for it."""
+    """Return the place of a pair's hash in the hash table, or the free place for it."""
     last = len(pairs) - 1  # the length is a power of two
     i = np.int64(code & np.uint64(last))
     while pairs[i] != code and pairs[i] != np.uint64(0):
@@ -78,7 +78,7 @@ def place_of(code: Any, pairs: Any) -> int:
 
 @compiled
 def rehash(pairs: Any, times: Any, into: Any, count: Any) -> None:
-    """Copy the entries of a table (c,) into another one with more room."""
+    """Copy the entries of a hash table (c,) into a larger one."""
     for i in range(len(pairs)):
         if pairs[i] != np.uint64(0):
             place = place_of(pairs[i], into)
@@ -87,9 +87,10 @@ def rehash(pairs: Any, times: Any, into: Any, count: Any) -> None:
 
 @compiled
 def chance(size: float, precision: float) -> float:
-    """Return the probability of a logistic error: 1 / (1 + exp(precision |d.e|)).
+    """Return the probability of an error on a pair with |d.e| = ``size``.
 
-    The width of ties is added to |d.e| if there are any.
+    It is 1 / (1 + exp(precision * size)). If the tutor has ties, the caller has added their width
+    to ``size``.
     """
     return 1.0 / (1.0 + math.exp(max(min(precision * size, 700.0), -700.0)))
 
@@ -98,7 +99,7 @@ def chance(size: float, precision: float) -> float:
 def answer(t: Any, sign: int, size: float, tutor: Respondent) -> int:
     """Return the tutor's answer on a pair with tail sums t (p,), and count it.
 
-    ``sign`` and ``size`` are those of d.e. There must be room in the table.
+    ``sign`` and ``size`` are those of d.e. The table must have room for another pair.
     """
     tutor.tally[GIVEN] += 1
     if tutor.kind == TRUTHFUL:
@@ -129,10 +130,10 @@ def answer(t: Any, sign: int, size: float, tutor: Respondent) -> int:
 
 @compiled
 def respond(t: Any, tutor: Respondent) -> int:
-    """Return the answer to a pair with tail sums t (p,).
+    """Return the tutor's answer on a pair with tail sums t (p,), or LEFT_OPEN.
 
-    It is LEFT_OPEN, and nothing is counted, if the truth needs exact arithmetic or the table needs
-    room.
+    It is LEFT_OPEN, and nothing is counted, if the truth needs exact arithmetic or the table is
+    full.
     """
     sign, size = truth(t, tutor.gaps)
     if sign == LEFT_OPEN or 2 * tutor.tally[PAIRS] > len(tutor.pairs):
@@ -145,9 +146,9 @@ def respond(t: Any, tutor: Respondent) -> int:
 
 @compiled
 def respond_all(t: Any, first: int, answers: Any, tutor: Respondent) -> int:
-    """Write answers (n,) to pairs with tail sums t (n, p), from row ``first`` on.
+    """Write the tutor's answers (n,) on pairs with tail sums t (n, p), beginning at row ``first``.
 
-    Return the first row left LEFT_OPEN, or n.
+    It stops at the first row that ``respond`` leaves LEFT_OPEN. Return that row, or n.
     """
     for i in range(first, len(t)):
         said = respond(t[i], tutor)

@@ -1,4 +1,4 @@
 """Upper bounds on what a policy can lose, over all plausible scales.
 
-Imports from ``mdp`` and elicit.
+This folder imports from ``mdp`` and elicit.
 """

@@ -1,4 +1,4 @@
-"""Advantages of all alternatives to a policy, as differences of share vectors."""
+"""Advantages of the actions that a policy does not take, as differences of share vectors."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ STATES_AT_ONCE = 1 << 14  # states whose Q is in memory at the same time
 
 
 class Advantages(NamedTuple):
-    """The advantages Q(s, a) - V(s) over a policy of vector value ``v``, exact or approximate.
+    """The advantages Q(s, a) - V(s) over a policy whose value is ``v``, exact or approximate.
 
-    There is one row for each admissible (state, action) that the policy does not take, sorted by
+    There is a row for each admissible (state, action) that the policy does not take, sorted by
     state, then by action. The rows may be those of some states only.
     """
 
@@ -33,7 +33,7 @@ class Advantages(NamedTuple):
     doubt: float
 
     def only(self, rows: NDArray[np.int64]) -> Advantages:
-        """Return these rows."""
+        """Return a copy with only these rows."""
         return self._replace(states=self.states[rows], actions=self.actions[rows], d=self.d[rows])
 
 

@@ -1,4 +1,4 @@
-"""Upper bounds on very many differences at once, most of which a box of scales decides."""
+"""Upper bounds on very many differences at once, most of them over a box of scales."""
 
 import numpy as np
 
@@ -14,12 +14,13 @@ _AT_ONCE = 1 << 14  # differences bounded at the same time
 def bounds_of_many(comparator: Comparator, d: Floats) -> tuple[Floats, float]:
     """Return upper bounds on d.e for very many differences, and the confidence in them.
 
-    Most of the differences are below 0 for every plausible scale. For these the bound is only as
-    tight as a box needs to show that. The others have the comparator's ``simultaneous_bounds``.
+    Most of the differences are below 0 for every plausible scale. Their bounds are those over a box
+    that contains all plausible scales, which suffices to show it. The other differences have the
+    comparator's ``simultaneous_bounds``.
 
-    The box contains all plausible scales. Its sides are the principal axes of their draws, and 2 (k
-    - 1) bounds give its extent. There is no box if the comparator has no draws. There is none
-    either if its bounds are not certain, because they may then depend on how many are asked for.
+    The axes of the box are the principal axes of the comparator's draws, and its extent comes from
+    2 (k - 1) bounds. No box is used if the comparator has no draws, or if its bounds are not
+    certain, because those may depend on how many are asked for.
 
     Parameters
     ----------
@@ -52,8 +53,8 @@ def bounds_of_many(comparator: Comparator, d: Floats) -> tuple[Floats, float]:
 def _bounds_by_box(axes: Floats, reach: Floats, d: Floats) -> Floats:
     """Return upper bounds (n,) on d.e over a box of scales.
 
-    ``axes`` (p, p) has orthonormal columns. ``reach`` (2p,) bounds the gaps along each of them,
-    then against each.
+    The columns of ``axes`` (p, p) are orthonormal. ``reach`` (2p,) are upper bounds on the gaps
+    along each axis, then along the opposite of each.
     """
     p, high = len(axes), np.empty(len(d))
     # the axes are orthonormal only up to rounding, and so are the products below

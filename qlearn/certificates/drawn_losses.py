@@ -24,12 +24,12 @@ MOST_SWEEPS = 2000
 def loss_over_draws(
     mdp: OrdinalMDP, advantages: Advantages, draws: Draws, level: float, enough: float | None = None
 ) -> float:
-    """Return the ``level`` quantile, over the draws, of an upper bound on the policy's loss.
+    """Return the ``level`` quantile, over drawn scales, of an upper bound on the policy's loss.
 
-    It is tight to about a hundredth of itself, unless ``MOST_SWEEPS`` ends the computation earlier.
-    Draws are taken in the order of a first bound, their greatest advantage divided by 1 - discount.
-    Most of them need no closer look. If ``enough`` is given, the computation stops once the
-    quantile certainly exceeds it, and returns inf.
+    It is accurate to about a hundredth of itself, unless ``MOST_SWEEPS`` ends the computation
+    earlier. First, each draw gets a rough bound: its greatest advantage divided by 1 - discount.
+    Draws are then looked at in that order, and most of them need no closer look. If ``enough`` is
+    given, the computation stops once the quantile certainly exceeds it, and returns inf.
     """
     doubt, t = advantages.doubt / (1 - mdp.discount), tail_sums(advantages.d)
     first = np.minimum(
@@ -64,8 +64,8 @@ def loss_over_draws(
 def most_of(d: Floats, gaps: Floats, axis: int) -> Floats:
     """Return the greatest d.e, at least 0, of differences d (n, k) under scales of gaps (p, m).
 
-    The maximum is over the differences for axis 0 and over the scales for axis 1. The n times m
-    products are never in memory all at once.
+    With axis 0 it is the greatest over the differences, (m,), and with axis 1 over the scales,
+    (n,). It is computed in parts, so that the n times m products are never all in memory.
     """
     found, step = np.zeros((gaps.shape[1], len(d))[axis]), max(1, NUMBERS // gaps.shape[1])
     for start in range(0, len(d), step):
@@ -76,7 +76,7 @@ def most_of(d: Floats, gaps: Floats, axis: int) -> Floats:
 
 
 def upper_quantile(x: Floats, weights: Floats, spare: float) -> float:
-    """Return the least entry of x (m,) such that the larger ones weigh at most ``spare``.
+    """Return the least entry of x (m,) such that all larger ones together weigh at most ``spare``.
 
     It is 0 if x is empty.
     """
@@ -87,9 +87,10 @@ def upper_quantile(x: Floats, weights: Floats, spare: float) -> float:
 
 
 class _Game(NamedTuple):
-    """The scalar MDP whose rewards are advantages.
+    """An MDP with numeric rewards: the advantages over a policy, under given scales.
 
-    Its rows are the alternatives of live states, sorted by state.
+    Its rows are the actions that the policy does not take, sorted by state. States where nothing
+    can be gained are left out.
     """
 
     chain: sparse.csr_array  # (n, S) transitions of the alternatives
@@ -115,12 +116,13 @@ class _Game(NamedTuple):
     def losses(
         self, gain: Floats, target: float, weights: Floats, room: float, small: float
     ) -> tuple[Floats, Floats]:
-        """Return lower and upper bounds (b,) on the greatest total of gains (n, b) over all states.
+        """Return bounds on the greatest total that a policy can collect, from the worst state.
 
-        They come from sweeps that start at zero, with MacQueen's (1966) bounds. The sweeps end when
-        each pair of bounds is decided: both lie on one side of the target, or below ``small``, or
-        within a hundredth of each other. They also end when more weight than ``room`` certainly
-        exceeds the target.
+        There are a lower and an upper bound (b,), for each of b scales; ``gain`` (n, b) are the
+        rewards. They come from sweeps of value iteration that start at zero, with MacQueen's (1966)
+        bounds. The sweeps end when each pair of bounds is decided: both are on one side of the
+        target, or below ``small``, or within a hundredth of each other. They also end when scales
+        of more weight than ``room`` certainly exceed the target.
         """
         b = gain.shape[1]
         total, ratio = np.zeros((self.own.shape[1], b)), self.discount / (1 - self.discount)

@@ -1,26 +1,25 @@
 """Upper bound on a policy's loss over all plausible scales, and the confidence in it.
 
-For any V (S, k) let A(s, a) = Q(s, a) - V(s), a difference of share vectors. Under a scale e the
-optimum exceeds V.e by the greatest discounted total of A.e that a policy can collect: a scalar MDP
-with non-negative values.
+For any V (S, k) let A(s, a) = Q(s, a) - V(s), a difference of share vectors. Under a scale e,
+consider the MDP whose rewards are A.e. Its optimal value is by how much the best policy exceeds
+V.e. It is not negative.
 
-- Where scales are *proven* plausible (a polytope), each A(s, a).e is bounded over all of them at
-  once (``simultaneous_bounds``), and what can be collected of these bounds is at least the loss. It
-  is at most their greatest over 1 - discount, and mostly far less: few pairs are open, and no run
-  is always at one of them. Where they are a union of cells, the bound is the greatest of
-  those over each cell: the true scale is in one of them.
-- Where they are *drawn* (a posterior, an ensemble of fits), the loss is bounded under each draw,
-  tightly, and the bound is the quantile of these losses at the comparator's level. No bounds need
-  be combined that hold under different scales, which makes it several times smaller.
+- If scales are *proven* plausible (a polytope), each A(s, a).e is bounded over all of them at once
+  (``simultaneous_bounds``). The optimal value of the MDP with these bounds as rewards is at least
+  the loss. It is mostly far less than the greatest bound over 1 - discount, because few pairs are
+  open, and no run is always at one of them. If the plausible scales are a union of cells, the bound
+  is the greatest of the bounds over each cell.
+- If scales are *drawn* (a posterior, an ensemble of fits), the loss is bounded under each draw,
+  tightly. The bound is the quantile of these losses at the comparator's level. It does not combine
+  bounds that hold under different scales, and so is several times smaller.
 
-V need not be the policy's value exactly. Let R(s) = A(s, policy(s)), which then is not 0, and let
-it lie between -below and above under each ordered scale (its tail sums do). The policy's value is
-V.e plus the total of R.e along its own runs, which is at least -below / (1 - discount); the optimum
-is V.e plus the total of A.e along its runs, on which the policy's own actions gain up to ``above``
-where they would gain 0. So the loss is at most the total with 0 for these, plus (above + below) /
-(1 - discount). Where no state is terminal, a constant can be added to V so that 0 lies in the
-middle: what counts then is how far R differs from state to state. Nothing need be exact but the
-bounds themselves.
+V need not be the policy's value exactly. Let R(s) = A(s, policy(s)), which is 0 if V is exact. Let
+R.e lie between -below and above under each ordered scale. (Its tail sums do.) The policy's value is
+V.e plus the total of R.e along its own runs, which is at least -below / (1 - discount). The optimum
+is V.e plus the total of A.e along its runs. There the policy's own actions count as 0, and in truth
+gain up to ``above``. So the loss is at most the total with 0 for these actions, plus (above +
+below) / (1 - discount). If no state is terminal, a constant can be added to V so that 0 lies in the
+middle. Then only differences of R between states count.
 """
 
 from __future__ import annotations
@@ -57,15 +56,15 @@ _CLEARLY = 1e-9  # more than the rounding of all these sweeps
 BOUNDING = Needs(
     used=("simultaneous_bounds", "bounds_above", "cells", "draws", "level", "confidence")
 )
-"""Optional parts of a comparator that a loss is bounded by."""
+"""The optional parts of a comparator by which a loss is bounded."""
 
 
 class Guarantee(NamedTuple):
     """An upper bound on what a policy loses, and the confidence in it.
 
     ``loss_bound`` is a share of the value range and holds from every state. ``confidence`` is the
-    probability that it holds: 1 if it is proven (given that the answers are right), nan if none can
-    be stated.
+    probability that it holds. It is 1 if the bound is proven (given that the answers are right),
+    and nan if no probability can be stated.
     """
 
     loss_bound: float
@@ -73,17 +72,16 @@ class Guarantee(NamedTuple):
 
 
 def loss_bound(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator) -> Guarantee:
-    """Return an upper bound on what a policy loses from any state.
+    """Return an upper bound on what a policy loses from any state, over all plausible scales.
 
-    It holds over all scales that a comparator holds plausible.
-
-    It reads the MDP's transition probabilities.
+    It is computed from the MDP's transition probabilities.
 
     Parameters
     ----------
     mdp : OrdinalMDP
     policy : (S,) actions
     comparator : Comparator
+        Holds the plausible scales.
 
     Returns
     -------
@@ -99,9 +97,9 @@ def loss_bound(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator) -> Gu
 
 
 def loses_at_most(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator, most: float) -> bool:
-    """Return whether ``policy`` (S,) loses at most ``most`` under every plausible scale.
+    """Return whether ``policy`` (S,) certainly loses at most ``most`` under every plausible scale.
 
-    The result may be False if the bound cannot show it.
+    The result is False if the bound cannot show it.
     """
     return guarantee(mdp, advantages_over(mdp, policy), comparator, most).loss_bound <= most
 
@@ -110,9 +108,9 @@ def loses_at_most(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator, mo
 def guarantee(
     mdp: OrdinalMDP, advantages: Advantages, comparator: Comparator, enough: float | None = None
 ) -> Guarantee:
-    """Return the loss bound of the policy that has these advantages.
+    """Return the loss bound of a policy, given the advantages over it.
 
-    If ``enough`` is given, the bound may be inf whenever it exceeds that.
+    If the bound exceeds ``enough``, the result may be inf.
     """
     if unordered_of(comparator) is not None:
         # the doubt is of one tail sum; in the other order a tail sum is made of three of them,
@@ -143,10 +141,10 @@ def guarantee(
 
 
 def _refuted(mdp: OrdinalMDP, advantages: Advantages, high: Floats, enough: float) -> bool:
-    """Return whether a policy that takes some of these actions collects more than ``enough``.
+    """Return whether a loss bound from these bounds ``high`` (n,) on advantages exceeds ``enough``.
 
-    Each collects ``high`` (n,) when taken, and the policy's own action nothing. Sweeps from 0 rise
-    to the most that can be collected, and mostly a few of them tell.
+    The loss bound is the most that a policy can collect of them. Sweeps of value iteration from 0
+    rise to that, and mostly exceed ``enough`` after a few.
     """
     live, total = ~mdp.terminal, np.zeros(mdp.n_states)
     gain = np.full(mdp.levels.shape, -np.inf)
@@ -164,9 +162,9 @@ def _refuted(mdp: OrdinalMDP, advantages: Advantages, high: Floats, enough: floa
 def completed(
     found: Guarantee, mdp: OrdinalMDP, advantages: Advantages, comparator: Comparator
 ) -> Guarantee:
-    """Return a guarantee, with its bound computed if a search left it at inf.
+    """Return the guarantee, with its bound computed if a search had left it at inf.
 
-    ``advantages`` may have the advantages of some states only: then all are computed.
+    ``advantages`` may be of some states only. Then all are computed.
     """
     if np.isfinite(found.loss_bound):
         return found
@@ -180,9 +178,9 @@ def collected(
     start: Floats | None = None,
     within: float = 0.0,
 ) -> Floats:
-    """Return upper bounds on the discounted total of advantages that a policy collects.
+    """Return upper bounds on the discounted total of advantages that a policy can collect.
 
-    There is one for each state that it starts from.
+    There is a bound for each state that it starts from.
 
     Parameters
     ----------
@@ -191,7 +189,7 @@ def collected(
     high : (n,)
         Upper bounds on the advantages.
     start : (S,), optional
-        Totals found earlier. If given, they are improved step by step until they are tight to about
+        Totals found earlier. They are improved step by step until they are tight to about
         ``within``, which is faster for large models. Default: solve exactly.
     within : float
         A share of the value range.
@@ -215,10 +213,10 @@ def collected(
 def greatest_total(
     mdp: OrdinalMDP, gain: Floats, start: Floats | None = None, within: float = 0.0
 ) -> Floats:
-    """Return the greatest expected discounted total (S,) of gain (S, A), rounded up.
+    """Return the greatest expected discounted total (S,) of rewards ``gain`` (S, A), rounded up.
 
-    Policy iteration proposes it, and a sweep certifies it. A gain of -inf marks an action that does
-    not exist. Terminal states gain nothing.
+    Policy iteration proposes it, and a sweep of value iteration proves it. A gain of -inf marks an
+    action that does not exist. Terminal states gain nothing.
     """
     live, ends = ~mdp.terminal, np.zeros(mdp.n_states)
     gain = np.where(live[:, None], gain, 0.0)
@@ -232,9 +230,9 @@ def greatest_total(
 
 
 def drawn_set(comparator: Comparator) -> tuple[Draws, float] | None:
-    """Return a comparator's draws and the share of their weight under which its bounds hold.
+    """Return a comparator's draws, and the share of their weight under which its bounds hold.
 
-    None if its bounds do not depend on draws.
+    The result is None if its bounds do not depend on draws.
     """
     level = trusted_share(comparator)
     draws = None if level is None else draws_in(comparator)

@@ -1,9 +1,9 @@
-"""The tolerance that a tutor's errors leave within reach of a number of questions.
+"""A rough figure for the tolerance that a number of questions can reach if the tutor errs.
 
-A tutor whose answers follow eq. (6) with precision c and lapse q tells little of a difference d.e:
-each answer about it has at most the Fisher information (c (1 - q) / 2)^2. After n answers the 95%
-interval of a single number of the value range is about 2 * 1.645 * 2 / (c (1 - q) sqrt(n)) wide.
-Half of that is the tolerance within reach. It is a rough figure: a policy depends on several
+Let a tutor's answers follow the paper's eq. (6) with precision c, and lapse q. An answer about a
+difference has at most the Fisher information (c (1 - q) / 2)^2 about d.e. After n answers the 95%
+interval of a single number is about 2 * 1.645 * 2 / (c (1 - q) sqrt(n)) wide, in units of the value
+range. Half of that is the tolerance within reach. It is rough, because a policy depends on several
 numbers, but not on all to that accuracy.
 """
 
@@ -15,13 +15,13 @@ from elicit.model.comparator import Comparator
 
 Z = 1.645  # standard deviations that leave 5% on one side
 GRACE = 2.0
-"""A tolerance is called out of reach only if it is so many times smaller than what is within
+"""A tolerance is called out of reach only if it is this many times smaller than the one within
 reach."""
 ENOUGH_ANSWERS = 30  # with fewer answers a learned precision says little
 
 
 def tolerance_within_reach(comparator: Comparator, questions: int) -> float:
-    """Return the tolerance that may be had after so many questions to this tutor, roughly.
+    """Return roughly the tolerance that can be reached by a number of questions to this tutor.
 
     Parameters
     ----------
@@ -45,12 +45,12 @@ def tolerance_within_reach(comparator: Comparator, questions: int) -> float:
 
 
 def out_of_reach(comparator: Comparator, tolerance: float, questions: int) -> bool:
-    """Return whether a tolerance is out of reach of so many questions, as far as is known yet.
+    """Return whether a number of questions is probably too small to reach a tolerance.
 
     Parameters
     ----------
     comparator : Comparator
-        It must have learned from at least 30 answers, or the result is False.
+        If it has learned from fewer than 30 answers, the result is False.
     tolerance : float
     questions : int
 

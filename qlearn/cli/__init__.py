@@ -1,1 +1,4 @@
-"""The command ``qlearn``. Imports from all of qlearn, each command when it is called."""
+"""The command ``qlearn``.
+
+This folder imports from all of qlearn. Each subcommand is imported when it is called.
+"""

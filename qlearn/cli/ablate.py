@@ -1,4 +1,4 @@
-"""The command ``qlearn ablate``: what each comparator costs in questions and in policy loss."""
+"""The command ``qlearn ablate``: the questions that each comparator needs, and its policy loss."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PAPER: dict[str, Any] = {"seeds": 20, "n_boot": 200, "refit_growth": 0.0}
 
 
 def add_to(commands: Any) -> None:
-    """Add the command to a parser's."""
+    """Add the subcommand to a parser's subcommands."""
     command = commands.add_parser(
         "ablate",
         help="compare the comparators: what they cost in questions and in policy loss, and where "
@@ -43,7 +43,7 @@ def add_to(commands: Any) -> None:
 
 
 def run(settings: AblationSettings, out: Path, **how: Any) -> int:
-    """The command; returns the exit code. ``how``: keywords of ``ablate``."""
+    """Run the command and return the exit code. ``how`` are keywords of ``ablate``."""
     from qlearn.experiments.ablation import KEYS, ablate, plan_of, summarise
     from qlearn.experiments.ablation_plot import LEGEND, plot_ablation, table
 

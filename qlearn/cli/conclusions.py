@@ -1,4 +1,4 @@
-"""The conclusions of ``qlearn teach``: what a policy or a choice says, in words and tables."""
+"""The conclusions of ``qlearn teach``: a policy or a choice, in words and tables."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from qlearn.mdp.planning import optimal_policy
 
 @dataclass(frozen=True)
 class InWords:
-    """The words in which a result is said.
+    """The words of a problem, in which a result is told.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class InWords:
     legend
         What the names of states and actions mean, in sentences.
     state_words
-        Returns a state in words, from its name.
+        A function that returns a state in words, from its name.
     """
 
     labels: tuple[str, ...]
@@ -52,7 +52,7 @@ class InWords:
     state_words: Callable[[str], str] = str
 
     def loss(self, share: float) -> str:
-        """Return a loss in the problem's own unit, after "it loses at most"."""
+        """Return a loss in the problem's own unit, as a text that follows "it loses at most"."""
         return in_unit(share, self.words.unit, self.labels, self.words.loss)
 
 
@@ -63,10 +63,10 @@ def policy_conclusion(
     result: Result,
     before: float | None,
 ) -> Conclusion:
-    """Return what a policy's result says in words, with the states in which the answers change it.
+    """Return a policy's result in words, with the states in which the answers change it.
 
-    A change is listed if the policy's action is better than that of equal steps for every scale
-    still plausible, or with the comparator's confidence, when both are followed by the policy.
+    The answers change a state if the policy's action there is better than that of equal steps, both
+    followed by the policy, for every scale still plausible, or with the comparator's confidence.
     """
     bound = result.loss_bound
     settled = bound <= told.tolerance
@@ -116,9 +116,10 @@ _COMPARES = "The loss compares what outcomes are worth to you. It does not predi
 
 
 class _Differing(NamedTuple):
-    """The policy of equal steps (S,), and where the learned policy differs from it.
+    """A comparison of the learned policy with the policy for equal steps between levels.
 
-    ``holds`` says for each of these ``states`` whether the learned action is certainly better.
+    It holds the latter (S,), the ``states`` where the two differ, and in ``holds`` for each of
+    these whether the learned action is certainly better.
     """
 
     equal: Any
@@ -127,7 +128,7 @@ class _Differing(NamedTuple):
 
 
 def _differing(mdp: OrdinalMDP, result: Result) -> _Differing:
-    """Compare the learned policy with that of equal steps."""
+    """Compare the learned policy with the one for equal steps between levels."""
     equal = optimal_policy(mdp, np.linspace(0.0, 1.0, mdp.k), result.policy)
     states = np.flatnonzero((equal != result.policy) & ~mdp.terminal)
     d = result.q[states, result.policy[states]] - result.q[states, equal[states]]
@@ -323,7 +324,7 @@ def _ideal(told: InWords) -> str:
 
 
 def _sure(result: Result | Choice) -> str:
-    """Return a sentence on how certain a bound is."""
+    """Return a sentence on how certain the bound on the loss is."""
     if result.confidence == 1.0:
         return f"This holds {assumed_of_answers(wrong_of(result.comparator), 'your')}."
     if np.isnan(result.confidence):
@@ -334,7 +335,7 @@ def _sure(result: Result | Choice) -> str:
 def choice_conclusion(
     told: InWords, names: Sequence[str], shares: Floats, result: Choice, before: float | None
 ) -> Conclusion:
-    """Return what a choice among alternatives says in words, with what each is worth.
+    """Return a choice among alternatives in words, with the value of each alternative.
 
     ``shares`` (n, k) has a row for each alternative.
     """
@@ -382,7 +383,7 @@ def choice_conclusion(
 
 
 def _nearly_as_good(names: Sequence[str], shares: Floats, result: Choice) -> str:
-    """Return sentences that name what is worth nearly as much as the choice, or ""."""
+    """Return sentences that name alternatives nearly as good as the choice, or ""."""
     points = _points(shares, result)
     best = list(names).index(result.name)
     close = np.flatnonzero(points >= points[best] - _NEARLY)
@@ -413,15 +414,16 @@ def _among(direction: Floats, others: Floats) -> bool:
 
 
 def _points(shares: Floats, result: Choice) -> Floats:
-    """Return the best guess (n,) of what each alternative is worth, from 0 to 1."""
+    """Return the best guess (n,) at the value of each alternative, from 0 to 1."""
     return product(tail_sums(shares), np.diff(best_guess(result.comparator)))
 
 
 def choice_holds(told: InWords, result: Choice) -> bool:
     """Return whether no question is left, and no other alternative is better by the tolerance.
 
-    Each pair may be decided with 95% probability while all of them together are not. A pair that
-    the person cannot tell apart need not matter: then the bound says so.
+    The bound on the loss is looked at in addition, for two reasons. Each pair may be decided with
+    95% probability while all of them together are not. And a pair that the person cannot tell apart
+    need not matter.
     """
     decided = result.status in (Status.DONE, Status.CALLED_EQUAL)
     if decided and result.confidence == 1.0:
@@ -430,7 +432,7 @@ def choice_holds(told: InWords, result: Choice) -> bool:
 
 
 def _worth(told: InWords, names: Sequence[str], shares: Floats, result: Choice) -> ResultTable:
-    """Return what each alternative consists of, and what it is worth as far as is known."""
+    """Return a table of what each alternative consists of, and its value as far as it is known."""
     labels = told.labels
     low, high = bounds_of(result.comparator, shares)
     points = _points(shares, result)

@@ -17,7 +17,7 @@ QUICK: dict[str, Any] = {
 
 
 def add_to(commands: Any) -> None:
-    """Add the command to a parser's."""
+    """Add the subcommand to a parser's subcommands."""
     command = commands.add_parser(
         "figures",
         help="the paper's figures 2, 3 and 4, and its claims, with intervals over runs",
@@ -36,7 +36,7 @@ def add_to(commands: Any) -> None:
 
 
 def run(settings: FiguresSettings, out: Path, **how: Any) -> int:
-    """The command; returns the exit code. ``how``: keywords of ``figures``."""
+    """Run the command and return the exit code. ``how`` are keywords of ``figures``."""
     from qlearn.paper.claims import claims, claims_page, summarise_series
     from qlearn.paper.figure_runs import KEYS, figures
     from qlearn.paper.figures import plot_asked, plot_loss, save

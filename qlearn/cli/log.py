@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def add_to(commands: Any) -> None:
-    """Add the command to a parser's."""
+    """Add the subcommand to a parser's subcommands."""
     command = commands.add_parser(
         "log",
         help="show, check, merge and export logs of answers",
@@ -58,7 +58,7 @@ def add_to(commands: Any) -> None:
 
 
 def show(files: list[Path]) -> int:
-    """Print the answers of each log; returns the exit code."""
+    """Print the answers of each log, and return the exit code."""
     from elicit.person.course.counts import Counts, numbered
 
     code = 0
@@ -94,7 +94,7 @@ def show(files: list[Path]) -> int:
 
 
 def check(files: list[Path]) -> int:
-    """Print whether each log is whole; returns the exit code."""
+    """Print whether each log is undamaged, and return the exit code."""
     from elicit.person.course.counts import Counts
 
     code = 0
@@ -107,7 +107,7 @@ def check(files: list[Path]) -> int:
 
 
 def merge(files: list[Path], out: Path, salvage: bool) -> int:
-    """Write one log of several; returns the exit code."""
+    """Merge several logs into one, and return the exit code."""
     from elicit.tutors.merge_logs import merge_logs
 
     found = [_read(path) for path in files]
@@ -130,7 +130,7 @@ def merge(files: list[Path], out: Path, salvage: bool) -> int:
 
 
 def export(files: list[Path], out: Path | None) -> int:
-    """Write the answers of all logs as CSV; returns the exit code."""
+    """Write the answers of all logs as CSV, and return the exit code."""
     found = [_read(path) for path in files]
     if code := _complain([fault for _, faults in found for fault in faults]):
         return code
@@ -147,9 +147,9 @@ def export(files: list[Path], out: Path | None) -> int:
 
 
 def _read(path: Path) -> tuple[AnswerLog | None, list[BadLog | OSError]]:
-    """Return what stands in a log before any damage, and what is wrong with it.
+    """Return the log in a file up to any damage, and the errors found.
 
-    None if it is no log at all.
+    The log is None if the file is no log.
     """
     from elicit.tutors.answer_log import AnswerLog
     from elicit.tutors.log_file import BadLog
@@ -171,7 +171,7 @@ def _complain(faults: list[BadLog | OSError]) -> int:
 def _row(
     number: int, entry: Entry, put: Mapping[str, Any] | None, labels: Sequence[str] | None
 ) -> tuple[str, ...]:
-    """Return an answer in words: those of the screen, if the log says how it was put."""
+    """Return an answer as cells of a table, in the words of the screen if the log has them."""
     from elicit.person.course.counts import is_counted
 
     verdict = entry.answer.verdict

@@ -1,4 +1,4 @@
-"""The command ``qlearn``. Everything heavy is imported by the command that needs it."""
+"""The command ``qlearn``. Each subcommand imports what it needs when it runs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         try:
             code = int(options.pop("command")(**options))
             sys.stdout.flush()
-        except BrokenPipeError:  # whoever reads, such as head, has read enough
+        except BrokenPipeError:  # the reader, such as head, has read enough
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 1
         return code
@@ -53,7 +53,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 class _Version(argparse.Action):
-    """Looked up when asked for, not at every start."""
+    """The version, looked up only when ``--version`` asks for it."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         from elicit._support.distribution import version

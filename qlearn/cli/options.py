@@ -22,7 +22,7 @@ EXTRAS = ("joblib", "matplotlib", "pandas", "tqdm")
 
 
 def fail(why: str | BaseException) -> int:
-    """Say a message, or an error in words, on the error stream; returns the exit code."""
+    """Print a message, or an error in words, to standard error, and return the exit code."""
     from elicit._support.file_errors import in_words
 
     message = why if isinstance(why, str) else in_words(why)
@@ -35,8 +35,9 @@ def add_command(
 ) -> Any:
     """Add a command's options to a parser; return its group of presets.
 
-    The options are the folder to write to, the number of processes, whether to start over, and the
-    settings by their groups, left out if they are not given. The group has the ``quick`` preset.
+    The options are the folder to write to, the number of processes, whether to start over, and all
+    settings in their groups. Settings that are not given are left out of the result. The group of
+    presets has ``--quick``.
     """
     command.set_defaults(command=run, settings=settings, preset={})
     command.add_argument(
@@ -76,14 +77,14 @@ def add_command(
 
 
 def add_preset(presets: Any, name: str, settings: dict[str, Any], text: str) -> None:
-    """An option that stands for these settings, where no option of their own is given."""
+    """Add an option that stands for these settings. Options given for a setting take precedence."""
     presets.add_argument(name, dest="preset", action="store_const", const=settings, help=text)
 
 
 def without(error: ModuleNotFoundError) -> int:
-    """Say which package of the extra is missing; returns the exit code.
+    """Print which package of the extra is missing, and return the exit code.
 
-    Raises the error where it is none of them.
+    Raises the error if it is about another package.
     """
     if (error.name or "").split(".")[0] not in EXTRAS:
         raise error
@@ -93,10 +94,10 @@ def without(error: ModuleNotFoundError) -> int:
 def frame_of(
     name: str, runs: Callable[..., Any], keys: Sequence[str], out: Path
 ) -> tuple[Any, int]:
-    """Return the frame of all runs, or of those finished before Ctrl-C, and the exit code.
+    """Return the table of all runs, or of those finished before Ctrl-C, and the exit code.
 
-    None stands for the frame if there is nothing to show. It shows a bar, and writes into the
-    directory ``out`` a journal, runs.csv, and times.csv by these keys.
+    If there is nothing to show, None stands for the table. A progress bar is shown. A journal,
+    runs.csv, and times.csv by these keys are written into the directory ``out``.
     """
     from qlearn.experiments.parallel import Interrupted
 
@@ -133,7 +134,7 @@ def frame_of(
 
 
 def write_csv(frame: Any, path: Path) -> None:
-    """A table, the same bytes on every system."""
+    """Write a table as CSV, with the same bytes on every system."""
     frame.to_csv(path, index=False, lineterminator="\n")
 
 
@@ -158,7 +159,7 @@ def _keywords(one: Field[Any]) -> dict[str, Any]:
 
 
 def number_parser(check: Number) -> Callable[[str], float]:
-    """An argparse type."""
+    """Return a function that argparse uses to read a number."""
 
     def parse(text: str) -> float:
         try:
@@ -173,9 +174,9 @@ def number_parser(check: Number) -> Callable[[str], float]:
 
 
 def part_parser(check: NameOrOwn) -> Callable[[str], Any]:
-    """Return an argparse type: a name of ours, or the user's own.
+    """Return a function that argparse uses to read the name of a part: ours, or the user's own.
 
-    The module of the latter is looked for in the current directory too.
+    The module of a user's part is also looked for in the current directory.
     """
 
     def parse(text: str) -> Any:
@@ -194,16 +195,16 @@ def part_parser(check: NameOrOwn) -> Callable[[str], Any]:
 
 
 def _progress_bar(name: str) -> tuple[Any, Callable[[int, int], None]]:
-    """Return a bar that counts runs on the error stream of a terminal, and its mover.
+    """Return a progress bar on standard error, if that is a terminal, and a function that moves it.
 
-    The mover takes (finished, in all).
+    The function takes (finished, in all).
     """
     from tqdm import tqdm
 
     bar = tqdm(desc=name, unit="run", disable=None)
 
     def show(done: int, total: int) -> None:
-        if bar.total is None:  # the start: what is read back says nothing about the speed
+        if bar.total is None:  # the start: rows read back say nothing about the speed
             bar.total, bar.initial, bar.n = total, done, done
             bar.refresh()
             if done:

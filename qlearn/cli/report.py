@@ -1,4 +1,4 @@
-"""The command ``qlearn report``: one report of several people's logs, with tables beside it."""
+"""The command ``qlearn report``: a report on several people's logs, with tables beside it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _FOR_ALL = (
 
 
 def add_to(commands: Any) -> None:
-    """Add the command to a parser's."""
+    """Add the subcommand to a parser's subcommands."""
     command = commands.add_parser(
         "report",
         help="make one report of several people's logs",
@@ -67,7 +67,7 @@ def run(
     tolerance: float | None,
     out: Path,
 ) -> int:
-    """The command; returns the exit code."""
+    """Run the command and return the exit code."""
     from elicit import AnswerLog
     from qlearn.cli.teach_subjects import taught_again
 
@@ -93,7 +93,7 @@ def run(
 
 
 def _named(logs: Sequence[AnswerLog]) -> dict[str, AnswerLog]:
-    """Return the logs by the names of their people, or of their files. Raises ValueError."""
+    """Return the logs by name of their person or, without one, of their file. Raises ValueError."""
     named: dict[str, AnswerLog] = {}
     for log in logs:
         assert log.path is not None
@@ -113,9 +113,10 @@ def _named(logs: Sequence[AnswerLog]) -> dict[str, AnswerLog]:
 
 
 def _common_recipe(named: Mapping[str, AnswerLog], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the settings that all logs share. Raises ValueError if they differ and none is given.
+    """Return the settings that all logs share. A setting that is given replaces those of the logs.
 
-    The number of outcomes on a side may differ, because nothing but new questions depends on it.
+    Raises ValueError if the logs differ in a setting that is not given. The number of outcomes on a
+    side may differ, because only new questions depend on it.
     """
     recipes = {who: dict(log.header.get(RECIPE, {})) for who, log in named.items()}
     common: dict[str, Any] = {}
@@ -147,7 +148,7 @@ def _common_recipe(named: Mapping[str, AnswerLog], given: Mapping[str, Any]) -> 
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """Findings in the log of one person: texts, tables, and the comparator that learned it.
+    """Findings in the log of a person: texts, tables, and the comparator that learned it.
 
     ``plan`` is the name of the table of what to do, or "".
     """
@@ -234,7 +235,7 @@ def _write(
 def _found(
     taught: Taught, who: str, log: AnswerLog, copy: Path, recipe: Mapping[str, Any]
 ) -> _Found:
-    """Return what a person's log says, by a copy of it: a session may mark answers as unused."""
+    """Return the findings in a person's log, made from a copy, which a session may change."""
     from elicit import AnswerLog, Interview, Session
     from elicit.person.showing import printable
     from elicit.person.study.report import PersonFound
@@ -268,7 +269,7 @@ def _found(
 
 
 def _rows(interview: Interview, who: str, what: str) -> list[dict[str, Any]]:
-    """Return the rows of a table, with the person in front."""
+    """Return the rows of a table, with a first column for the person."""
     return [
         {"person": who, **{name: value for name, value in row.items() if name != "who"}}
         for row in interview.table(what)
@@ -276,7 +277,7 @@ def _rows(interview: Interview, who: str, what: str) -> list[dict[str, Any]]:
 
 
 def _table(found: Any) -> FollowingTable:
-    """Return what following one another costs, for the report."""
+    """Return the losses from following one another, for the report."""
     from elicit.person.study.report import FollowingTable
 
     what, where = ("policy", ", at the worst state") if found.of_policies else ("choice", "")

@@ -1,4 +1,4 @@
-"""The command ``qlearn result``: what a log of ``qlearn teach`` says, without a browser."""
+"""The command ``qlearn result``: the result in a log of ``qlearn teach``, without a browser."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NO_RECIPE = (
 
 
 def add_to(commands: Any) -> None:
-    """Add the command to a parser's."""
+    """Add the subcommand to a parser's subcommands."""
     command = commands.add_parser(
         "result",
         help="print what the answers of a log say",
@@ -43,7 +43,7 @@ def add_to(commands: Any) -> None:
 
 
 def add_settings(command: Any, whose: str) -> None:
-    """Add options that take the place of what ``whose``, a log's or several logs', header says."""
+    """Add options that replace the settings in a log's header; ``whose`` says which logs."""
     command.add_argument("--problem", type=problem_parser, help=f"as of qlearn teach [{whose}]")
     command.add_argument("--comparator", choices=TAUGHT_WITH, help=f"who learns [{whose}]")
     command.add_argument(
@@ -57,7 +57,7 @@ def add_settings(command: Any, whose: str) -> None:
 def run(
     log: Path, problem: Any, comparator: str | None, tolerance: float | None, out: Path | None
 ) -> int:
-    """The command; returns the exit code."""
+    """Run the command and return the exit code."""
     from elicit import AnswerLog, Interview, Session
     from qlearn.cli.teach_subjects import taught_again
     from qlearn.cli.teach_terminal import say_report

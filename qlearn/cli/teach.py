@@ -44,9 +44,9 @@ _DAYS = Number(int, lambda n: n >= 2, "a whole number of at least 2")
 
 
 class SessionOptions(TypedDict):
-    """The person who answers, earlier people, the planned number of questions, and the page.
+    """Options of a session: its person, earlier people, the planned questions, and the page.
 
-    The address counts if ``web`` is given, and with it the people of a study.
+    The address matters only with ``web``, and with it the people of a study.
     """
 
     who: str | None
@@ -61,7 +61,7 @@ class SessionOptions(TypedDict):
 
 
 def add_to(commands: Any) -> None:
-    """Add the command to a parser's."""
+    """Add the subcommand to a parser's subcommands."""
     command = commands.add_parser(
         "teach",
         help="answer the questions yourself, in the terminal or the browser",
@@ -324,7 +324,7 @@ def _compile(comparator: str) -> None:
 
 
 def _say_plan(taught: Taught, session: Session, questions: int) -> None:
-    """Print what so many questions are likely to prove, unless that is interrupted or unknown."""
+    """Print what this number of questions is likely to prove, unless interrupted or unknown."""
     from elicit.person.asker import Compares
 
     asker = session.current_asker()
@@ -340,7 +340,7 @@ def _say_plan(taught: Taught, session: Session, questions: int) -> None:
 
 
 def _not_for_several(log: Path | None, how: SessionOptions) -> str:
-    """Return what is wrong with options that are given together with several people, or ""."""
+    """Return a sentence on options that cannot be used with several people, or ""."""
     if not how["web"]:
         return "several people answer in browsers: add --web to --people or --invite"
     for given, option, instead in (
@@ -368,7 +368,7 @@ def address_options(how: SessionOptions) -> list[str]:
 
 
 def people_parser(text: str) -> tuple[str, ...]:
-    """An argparse type: names with commas between them, each of which gives a file of its own."""
+    """Return names from a command line's text, separated by commas. Each gives a different file."""
     names = [_name_parser(name) if name.strip() else "" for name in text.split(",")]
     if "" in names:
         raise argparse.ArgumentTypeError(
@@ -398,13 +398,13 @@ def people_parser(text: str) -> tuple[str, ...]:
 
 
 def _invited(text: str) -> tuple[str, ...]:
-    """An argparse type: a number of people, as their pseudonyms."""
+    """Return pseudonyms for the number of people given on the command line."""
     number = int(number_parser(_INVITED)(text))
     return tuple(f"person-{i}" for i in range(1, number + 1))
 
 
 def _name_parser(text: str) -> str:
-    """An argparse type: a name of at most ``LONGEST_NAME`` characters that can be printed."""
+    """Return a name from the command line: printable, and at most ``LONGEST_NAME`` characters."""
     from elicit.person.showing import printable
 
     name = " ".join(printable(text).split())
@@ -416,7 +416,10 @@ def _name_parser(text: str) -> str:
 
 
 def _asked_name() -> str | None:
-    """Ask for the name of the person who answers; None if nobody is there to ask, or to tell."""
+    """Ask for the name of the person who answers.
+
+    The result is None if nobody is at the terminal, or no name is given.
+    """
     if not sys.stdin.isatty():  # then the lines are answers
         return None
     while True:
@@ -431,10 +434,10 @@ def _asked_name() -> str | None:
 
 
 def _ask_words(table: Path) -> None:
-    """Ask for the words of a CSV file that has none, and write them beside it.
+    """Ask for the words that a CSV file lacks, and write them to a file beside it.
 
-    Nothing is asked or written if nobody is there to ask, and nothing is written if every line is
-    empty.
+    If nobody is at the terminal, nothing is asked or written. If every answer is empty, nothing is
+    written.
     """
     from elicit._support.file_errors import in_words
 
@@ -458,15 +461,15 @@ def _ask_words(table: Path) -> None:
 
 
 def in_a_path(who: str) -> str:
-    """Return a name as a part of a file's name: letters, digits, and hyphens for all else."""
+    """Return a name as a part of a file's name: all but letters and digits become hyphens."""
     whole = unicodedata.normalize("NFC", who)  # a letter and its accent are one character
     return re.sub(r"[^\w]+", "-", whole).strip("-_") or "person"
 
 
 def begun_with(path: Path, recipe: dict[str, Any]) -> dict[str, Any]:
-    """Return the header field with the options that began a log: those in the file, if it has any.
+    """Return the header field with a log's first options: those in the file, if it has the field.
 
-    A log may be gone on with other options. One without the field stays as it is.
+    A log may be continued with other options. A log without the field stays as it is.
     """
     from elicit import AnswerLog
     from elicit.tutors.log_file import BadLog
@@ -511,7 +514,10 @@ def _served(
 
 
 def problem_parser(text: str) -> Any:
-    """An argparse type: as ``part_parser``, or the path of a CSV file."""
+    """Return a problem, given on the command line by a name or by the path of a CSV file.
+
+    Names are those of ``part_parser``.
+    """
     if text.lower().endswith(".csv"):
         return text
     found = part_parser(_PROBLEM)(text)

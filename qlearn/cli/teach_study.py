@@ -30,7 +30,7 @@ class StudyPlan:
         The share of questions in front of which an earlier one is put again.
     seed : int
     again : str
-        The command that goes on.
+        The command that resumes the study.
     report : str
         The command that makes the report.
     """

@@ -1,7 +1,4 @@
-"""Subjects that a person can teach.
-
-They are an MDP's scale, or the choice among the alternatives of a CSV file.
-"""
+"""Subjects that a person can teach: an MDP's scale, or a choice among a CSV file's alternatives."""
 
 from __future__ import annotations
 
@@ -59,17 +56,17 @@ class Taught:
     ----------
     subject : Subject
     make : MakeAsker
-        Makes whoever asks, from what it is to know.
+        Makes the asker from the answers that it is to know.
     header : dict
         The fields that the header of the log must have.
     hint : str
-        A sentence to whoever starts the program on what the problem should say; "" if nothing is
-        missing.
+        A sentence to the person who runs the program on what the problem lacks, or "".
     plan : function or None
-        Says what so many questions are likely to prove, from the comparator and their number. None
-        if it cannot be said.
+        Takes the comparator and a number of questions, and says what these are likely to prove.
+        None if that cannot be said.
     following : function or None
-        Says of a panel what following one another costs. None if it cannot be said.
+        Takes a panel, and returns the losses from following one another. None if these cannot be
+        computed.
     """
 
     subject: Subject
@@ -81,9 +78,9 @@ class Taught:
 
 
 def taught_again(recipe: Mapping[str, Any]) -> Taught:
-    """Return the subject of a recipe, the settings that ``qlearn teach`` keeps in a log's header.
+    """Return the subject of a recipe: the settings that ``qlearn teach`` keeps in a log's header.
 
-    Settings that it leaves out are as ``qlearn teach`` has them.
+    Settings that the recipe leaves out have the defaults of ``qlearn teach``.
     """
     comparator = recipe.get("comparator", "posterior")
     return taught_by(
@@ -106,10 +103,10 @@ def taught_by(
     tolerance: float,
     like: Sequence[str] = (),
 ) -> Taught:
-    """Return the subject of a problem's name, a user's function, or the path of a CSV file.
+    """Return the subject for a problem's name, a user's function, or the path of a CSV file.
 
-    The names are "icu-sepsis" and "random". ``like`` are the paths of earlier people's logs.
-    Raises ValueError, ImportError and OSError that say what is wrong with it.
+    The names are "icu-sepsis" and "random". ``like`` are the paths of earlier people's logs. Raises
+    ValueError, ImportError and OSError that say what is wrong.
     """
     if isinstance(problem, str) and problem.lower().endswith(".csv"):
         return _choice(Path(problem), comparator, days, unit, seed, tolerance, like)
@@ -154,7 +151,7 @@ def _comparator_maker(
 ) -> Callable[[], Comparator]:
     """Return a function that makes the comparator before any answer.
 
-    What earlier people's logs have in common is learned once, here.
+    The prior from earlier people's logs is learned once, in this call.
 
     Raises
     ------
@@ -223,7 +220,7 @@ def _header(labels: tuple[str, ...], fingerprint: str, words: Words, **more: Any
 
 
 def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
-    """The MDP, how it speaks, and what its names of states and actions mean, in sentences."""
+    """Return an MDP, its words, and what its names of states and actions mean, in sentences."""
     if isinstance(problem, Own):
         made = problem.made(seed)
         parts = made if isinstance(made, tuple) and made else (made,)
@@ -294,7 +291,7 @@ def _choice(
     content = json.dumps([labels, names, vectors.tolist()]).encode()
     header = _header(labels, hashlib.blake2b(content, digest_size=16).hexdigest(), words)
 
-    # a tie, a loss and what may be rounded are shares of the value range
+    # a tie, a loss and a rounding error are shares of the value range
     shares = vectors / float(f"{vectors[0].sum():.12g}")
 
     comparator_now = _comparator_maker(comparator, labels, seed, like)
@@ -332,11 +329,10 @@ def _purpose(names: Sequence[str]) -> str:
 
 
 def _words_of(path: Path, labels: tuple[str, ...]) -> tuple[Words, str]:
-    """Return the words of a CSV file, and a sentence on what to write there if they are missing.
+    """Return the words of a CSV file, and if they are missing a sentence on what to write.
 
-    They stand in a JSON file beside it.
-
-    Raises ValueError that says what is wrong with it, and OSError.
+    They are in a JSON file beside it. Raises ValueError that says what is wrong with that, and
+    OSError.
     """
     beside = path.with_suffix(".words.json")
     if not beside.exists():
@@ -372,10 +368,10 @@ def _words_of(path: Path, labels: tuple[str, ...]) -> tuple[Words, str]:
 def read_alternatives(path: Path) -> tuple[tuple[str, ...], list[str], Floats]:
     """Return labels (k), names (n) and vectors (n, k) of the alternatives in a CSV file.
 
-    The header has any word over the names, and the k labels, worst first; each row has a name and
-    its numbers. Cells end with commas, or all with semicolons.
+    The header has any word above the names, and the k labels, worst first. Each further row has a
+    name and its numbers. Cells are separated by commas, or all by semicolons.
 
-    Raises ValueError that names the line, also if the totals differ or a number is below 0;
+    Raises ValueError that names the line, also if the totals differ or a number is below 0, and
     OSError.
     """
     with open(path, encoding="utf-8-sig", newline="") as text:
@@ -430,10 +426,10 @@ def read_alternatives(path: Path) -> tuple[tuple[str, ...], list[str], Floats]:
 
 
 def _rows(text: TextIO) -> Iterator[tuple[int, list[str]]]:
-    """Return the number of each line, and its cells.
+    """Yield the number of each line, and its cells.
 
-    If the first line has semicolons and no comma, cells end with semicolons and decimals may be
-    written with a comma, as spreadsheets in many countries have it.
+    If the first line has semicolons and no comma, cells are separated by semicolons. Decimals may
+    then be written with a comma, as spreadsheets in many countries do.
     """
     first = text.readline()
     text.seek(0)

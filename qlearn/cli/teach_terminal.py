@@ -38,14 +38,15 @@ _WIDEST = 100
 _MOST_CHANGES = 12  # lines of a table
 _BAR = 40  # columns of an interval, at most
 _LEAST_BAR = 10
-_PATIENCE = 5.0  # seconds that a person waits for what the choices of a conflict would leave
+_PATIENCE = 5.0  # seconds that a person waits for the results of the choices in a conflict
 _LOOK = 0.05  # seconds between two looks at it
 
 
 class Terminal:
     """A session with the person at standard input.
 
-    again: the command that goes on. questions: how many the person has time for, if they say.
+    again: the command that resumes the session. questions: how many the person has time for, if
+    they say.
     """
 
     def __init__(
@@ -63,7 +64,7 @@ class Terminal:
                 stream.reconfigure(errors="replace")
 
     def converse(self) -> int:
-        """Ask until there is no question left, or the person leaves; returns the exit code."""
+        """Ask until no question is left, or the person leaves; return the exit code."""
         with self._interview:
             try:
                 code = self._ask_all()
@@ -157,14 +158,14 @@ class Terminal:
                 self._say(f"  - {level['label']}: {level['meaning']}")
 
     def _welcome(self, welcome: dict[str, Any]) -> None:
-        """Print what is at stake, and that it can be left at any time."""
+        """Print what is at stake, and that the person can leave at any time."""
         for sentence in (welcome["purpose"], welcome["before"]):
             if sentence:
                 self._say(sentence)
         self._say("Your answers stay on this computer. You can finish at any time with f.")
 
     def _one_of(self, screen: dict[str, Any]) -> dict[str, Any] | None:
-        """Print a conflict or an offer, and return the screen after the choice; None to leave."""
+        """Print a conflict or an offer; return the screen after the choice, or None to leave."""
         found = screen[screen["stage"]]
         self._say(f"\n{found['heading']}. {found['text']}")
         for answer in found.get("answers", []):
@@ -190,7 +191,7 @@ class Terminal:
         )
 
     def _consequences(self, id: str) -> dict[str, str]:
-        """Return what each choice of a conflict would leave, as far as it is known in seconds."""
+        """Return the result of each choice in a conflict, as far as it is known within seconds."""
         until = time.monotonic() + _PATIENCE
         while True:
             found = self._handle("consequences", id=id)
@@ -199,17 +200,14 @@ class Terminal:
             time.sleep(_LOOK)
 
     def _put(self) -> str:
-        """Show the question, and return what the person wants."""
+        """Show the question, and return the person's command."""
         assert self._interview.shown is not None
         print(self._interview.shown.text(self._width))
         self._say(f"\n{_KEYS}")
         return self._read({}, "quit", _KEYS)
 
     def _why(self, screen: dict[str, Any]) -> None:
-        """Say why the question is asked, and how many come after it.
-
-        It says as much as was computed meanwhile.
-        """
+        """Print why the question is asked, and how many come after it, as far as it is known."""
         if screen["stage"] == "practice":
             self._say("It is there to try the keys.")
             return
@@ -245,9 +243,9 @@ class Terminal:
         return self._interview.handle({"do": do, **parts})
 
     def _read(self, more: dict[str, str], at_end: str, keys: str) -> str:
-        """Return the next line that means something.
+        """Return the next line that is one of the possible commands.
 
-        ``at_end`` is returned if there are no more; keys: what is said of others.
+        ``at_end`` is returned if the input ends. ``keys`` is printed after any other line.
         """
         while True:
             print("> ", end="", flush=True)
@@ -270,9 +268,9 @@ class Terminal:
 
 
 def say(text: str, width: int) -> None:
-    """Print a paragraph, wrapped.
+    """Print a paragraph, wrapped to a width.
 
-    Further lines of an item ("  - ...") are indented, and empty lines at its ends stay.
+    Further lines of an item ("  - ...") are indented. Empty lines at the ends of the text stay.
     """
     before, after = len(text) - len(text.lstrip("\n")), len(text) - len(text.rstrip("\n"))
     item = len(text) - len(text.lstrip(" -"))
@@ -287,7 +285,7 @@ def say(text: str, width: int) -> None:
 
 
 def say_report(screen: dict[str, Any], width: int) -> None:
-    """Print what was learned, by the screen at the end."""
+    """Print the result on the screen at the end."""
     for line in report_lines(screen, width):
         if line.startswith("    "):  # a row of the scale, which fits
             print(line)
@@ -296,7 +294,7 @@ def say_report(screen: dict[str, Any], width: int) -> None:
 
 
 def report_lines(screen: dict[str, Any], width: int) -> list[str]:
-    """Return what was learned, as lines and paragraphs."""
+    """Return the result on the screen at the end, as lines and paragraphs."""
     end = screen["end"]
     lines = [f"\n{end['given']}\n"]
     lines += [sentence for sentence in (end["checks"], end["by_chance"]) if sentence]
@@ -345,9 +343,9 @@ def _table_lines(table: dict[str, Any]) -> Iterator[str]:
 
 
 def scale_report(rows: Sequence[ScaleRow], certainty: str, width: int) -> list[str]:
-    """Return lines that say what each level is worth, with its interval.
+    """Return lines with the value of each level and its interval.
 
-    The best level comes first, values run from 0 to 100, and lines have at most so many columns.
+    The best level comes first, values run from 0 to 100, and lines have at most ``width`` columns.
     """
     name = min(max(len(row.label) for row in rows), width - 24)
     bar = min(_BAR, width - name - 26)

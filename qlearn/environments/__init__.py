@@ -1,4 +1,4 @@
-"""Gymnasium environments whose steps have a level: rewards by an ordinal scale, and share vectors.
+"""Gymnasium environments whose steps have levels: rewards by an ordinal scale, and share vectors.
 
-May import from elicit alone.
+This folder may import from elicit alone.
 """

@@ -1,6 +1,6 @@
-"""Gymnasium wrappers that replace an environment's reward by one made of levels.
+"""Gymnasium wrappers that replace an environment's reward by one made of the step's level.
 
-The reward is a number by the values of an ordinal scale, or a vector with one entry a level.
+The reward is a number, by the values of an ordinal scale, or a vector with an entry for each level.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Env = gym.Env[Any, Any]
 
 
 class LevelRewarded(gym.Wrapper[Any, Any, Any, Any], Generic[R]):
-    """An environment whose reward is made of its steps' levels.
+    """Base class of wrappers of an environment whose reward depends on the step's level.
 
     ``info["level"]`` then holds the level.
     """
@@ -35,7 +35,7 @@ class LevelRewarded(gym.Wrapper[Any, Any, Any, Any], Generic[R]):
         self._ending: list[R] | None = None  # the reward of a step that terminates the episode
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Step the environment, and return the reward of the step's level."""
+        """Step the environment, and return the reward that belongs to the step's level."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         level = info["level"] = self.levels.of_step(observation, reward, info)
         if not terminated:
@@ -46,9 +46,9 @@ class LevelRewarded(gym.Wrapper[Any, Any, Any, Any], Generic[R]):
 
 
 class LevelRewardedVector(VectorWrapper[Any, Any, NDArray[Any]]):
-    """Several environments at once whose rewards are made of their steps' levels.
+    """Base class like ``LevelRewarded``, of wrappers of a vector of environments.
 
-    If environments start anew with a step of their own, that step counts 0.
+    If an environment uses a step of its own to start a new episode, that step has reward 0.
     """
 
     def __init__(self, env: VectorEnv[Any, Any, NDArray[Any]], levels: Levels) -> None:
@@ -69,13 +69,13 @@ class LevelRewardedVector(VectorWrapper[Any, Any, NDArray[Any]]):
     def reset(
         self, *, seed: Any = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Reset the environments, all of them or, as ``options`` may say, some."""
+        """Reset all environments, or only some if ``options`` say so."""
         some = (options or {}).get("reset_mask", np.ones(self.num_envs, dtype=np.bool_))
         self._ended = self._ended & ~np.asarray(some)
         return self.env.reset(seed=seed, options=options)
 
     def step(self, actions: Any) -> tuple[Any, Any, NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Step each environment, and return rewards (n,) or (n, k) by levels."""
+        """Step each environment, and return the rewards (n,) or (n, k) of the steps' levels."""
         observations, rewards, terminated, truncated, infos = self.env.step(actions)
         stepped, told = ~self._ended, infos
         ended = np.asarray(terminated) | np.asarray(truncated)
@@ -127,24 +127,23 @@ class ByValues:
         )
 
     def _pay(self, during: Floats, ending: Floats | None) -> None:
-        """Take the rewards (k,) of steps at each level, and of those that terminate an episode."""
+        """Set the rewards (k,) of a step at each level, and of a step that ends an episode."""
         raise NotImplementedError
 
 
 class OrdinalReward(ByValues, LevelRewarded[float]):
-    """An environment whose reward is the value of each step's level.
-
-    Any library can train on it.
+    """An environment whose reward is the value of each step's level. Any library can train on it.
 
     The discounted sum of an episode's rewards is its share vector times ``values``, exactly.
-    ``info["level"]`` has the level. The ``values`` may be set anew at any time.
+    ``info["level"]`` has the level. The ``values`` may be changed at any time.
 
     Parameters
     ----------
     env : gymnasium.Env or VectorEnv
-        With a ``VectorEnv`` this makes a wrapper of that kind.
+        With a ``VectorEnv`` the wrapper is a ``VectorEnv`` too.
     values : Comparator or (k,)
-        A comparator, whose best guess is taken, or k numbers, worst level first, that do not fall.
+        A comparator, whose best guess at the scale is taken, or k numbers, worst level first, that
+        do not fall.
     level : str, mapping or callable
         The key of ``info`` with the step's level, 0 to k - 1; or a mapping from rewards to levels;
         or a function of (observation, reward, info).
@@ -162,11 +161,12 @@ class OrdinalReward(ByValues, LevelRewarded[float]):
     -----
     With discount c a step at level l has the reward (1 - c) values[l]. A step that terminates the
     episode after T steps also brings the remaining time, c^T, all at the level ``after``. Its
-    reward is (1 - c) values[l] + c values[after], for c^(T-1) times the second part is c^T
-    values[after]. With ``after="last"`` that is values[l]. So totals are 1 whenever an episode
-    ends, and a better policy is the same for every level that one calls worth 0. A truncated
-    episode is cut off, not ended. Nothing is added, and the trainer estimates what would have come,
-    as always in Gymnasium.
+    reward is (1 - c) values[l] + c values[after]: the discount c^(T-1) of that step turns the
+    second part into c^T values[after]. With ``after="last"`` the reward is values[l]. So totals are
+    1 whenever an episode ends, and it does not matter which level has the value 0.
+
+    A truncated episode is cut off, not ended. Nothing is added, and the trainer estimates what
+    would have come, as always in Gymnasium.
     """
 
     def __new__(
@@ -182,26 +182,24 @@ class OrdinalReward(ByValues, LevelRewarded[float]):
 
 
 class OrdinalRewardVector(ByValues, LevelRewardedVector):
-    """``OrdinalReward`` of several environments at once."""
+    """``OrdinalReward`` for a vector of environments."""
 
     def _pay(self, during: Floats, ending: Floats | None) -> None:
         self._during, self._ending = during, ending
 
 
 class LevelVector(LevelRewarded[Floats]):
-    """An environment whose reward is a vector (k,), as in MO-Gymnasium.
-
-    It is 1 at the step's level, else 0.
+    """An environment whose reward is a vector (k,), 1 at the step's level, as in MO-Gymnasium.
 
     With a ``discount`` the discounted sum of the vectors is the episode's share vector, which
-    totals 1 when it ends. MO-Gymnasium's ``LinearReward`` with the values for weights then gives
-    the rewards of ``OrdinalReward``. The unwrapped environment gets the attribute ``reward_space``,
-    where MO-Gymnasium looks for it.
+    totals 1 when it ends. MO-Gymnasium's ``LinearReward``, with the levels' values as weights, then
+    gives the rewards of ``OrdinalReward``. The unwrapped environment gets the attribute
+    ``reward_space``, where MO-Gymnasium looks for it.
 
     Parameters
     ----------
     env : gymnasium.Env or VectorEnv
-        In a ``VectorEnv`` the rewards are (n, k).
+        With a ``VectorEnv`` the rewards are (n, k).
     k : int
         Number of levels.
     level, after, discount
@@ -236,13 +234,13 @@ class LevelVector(LevelRewarded[Floats]):
         env.unwrapped.reward_space = reward_space(k)  # type: ignore[attr-defined]
 
     def step(self, action: Any) -> tuple[Any, Floats, bool, bool, dict[str, Any]]:
-        """Step the environment, and return a reward vector (k,) of its own."""
+        """Step the environment, and return a new reward vector (k,)."""
         observation, reward, *rest = super().step(action)
         return observation, reward.copy(), *rest
 
 
 class LevelVectorVector(LevelRewardedVector):
-    """``LevelVector`` of several environments at once: rewards (n, k)."""
+    """``LevelVector`` for a vector of environments: rewards (n, k)."""
 
     def __init__(
         self,
@@ -261,7 +259,8 @@ class LevelVectorVector(LevelRewardedVector):
 def _of_these_steps(key: str, infos: dict[str, Any], ended: NDArray[np.bool_]) -> dict[str, Any]:
     """Return infos with the levels of the steps just done.
 
-    If an episode has ended, ``infos`` is of the new one's start, and ``final_info`` of the step.
+    If an episode has ended, ``infos`` is about the start of the new one, and ``final_info`` about
+    the step.
     """
     last: dict[str, Any] = infos.get("final_info", {})
     now = infos.get(key, np.zeros(len(ended)))
@@ -272,12 +271,12 @@ def _of_these_steps(key: str, infos: dict[str, Any], ended: NDArray[np.bool_]) -
 
 
 def reward_space(k: int) -> gym.spaces.Box:
-    """Return the space in which vectors of levels lie."""
+    """Return the Gymnasium space of a reward vector (k,)."""
     return gym.spaces.Box(0.0, 1.0, (k,), np.float64)
 
 
 def numbers_of(values: Comparator | ArrayLike, k: int | None = None) -> Floats:
-    """Return values from a comparator or from numbers, as a copy.
+    """Return the values of the levels, from a comparator or from numbers, as a copy.
 
     Parameters
     ----------
@@ -292,7 +291,7 @@ def numbers_of(values: Comparator | ArrayLike, k: int | None = None) -> Floats:
     Raises
     ------
     ValueError
-        If they are not finite, or fall.
+        If they are not finite, or fall from one level to the next.
     """
     if hasattr(values, "bounds"):
         check_comparator_made(values)  # type: ignore[arg-type]
@@ -311,7 +310,7 @@ def numbers_of(values: Comparator | ArrayLike, k: int | None = None) -> Floats:
 
 
 def levels_of(env: Any) -> Levels | None:
-    """Return the levels that a wrapper of this module around an environment reads, or None."""
+    """Return the Levels of a wrapper of this module around an environment, or None."""
     while isinstance(env, gym.Wrapper):
         if isinstance(env, LevelRewarded):
             return env.levels

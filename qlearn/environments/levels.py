@@ -1,14 +1,14 @@
-"""The level of each step of an environment, and the share of the discounted time it stands for.
+"""The level of each step of an environment, and how much discounted time the step stands for.
 
 With discount c a run's share vector is (1 - c) times the sum over its steps t = 0, 1, ... of c^t
-times the unit vector of the step's level. A run that goes on for ever totals 1. A run that
-terminates after T steps totals 1 - c^T. The remaining time, c^T, belongs to the level that lasts
-after it. The last step, t = T - 1, therefore counts
+times the unit vector of the step's level. A run that goes on for ever has total 1. A run that
+terminates after T steps has total 1 - c^T. The remaining time, c^T, belongs to the level that lasts
+after the run. So the last step, t = T - 1, counts
 
     (1 - c) [its own level] + c [the level that lasts]
 
-for c^(T-1) times the second part is c^T. If its own level lasts, that is c + (1 - c) = 1 of its own
-level.
+because its discount c^(T-1) turns the second part into c^T. If its own level lasts, the step counts
+1 at that level.
 """
 
 from __future__ import annotations
@@ -29,15 +29,13 @@ value that the reward takes, or a function of (observation, reward, info). In a 
 environment the function gets batches."""
 
 After: TypeAlias = int | Literal["last"] | None
-"""Level that lasts once an episode has terminated.
-
-It is 0 to k - 1; "last": that of the last step; None: not said, for tasks that never terminate.
-"""
+"""The level that lasts once an episode has terminated: 0 to k - 1, or "last" for that of the last
+step. None: not given, for tasks that never terminate."""
 
 
 @dataclass(frozen=True)
 class Levels:
-    """The k levels of an environment's steps.
+    """The k levels of an environment's steps: where a step's level is found, and how it counts.
 
     Without a discount each step counts in full, and nothing comes after the last. Raises ValueError
     and TypeError.
@@ -79,17 +77,14 @@ class Levels:
 
     @property
     def during(self) -> Floats:
-        """Return the count (k, k) of a step at each level towards the shares.
-
-        The episode goes on after it.
-        """
+        """Return what a step at each level adds to the shares (k, k) if the episode goes on."""
         return np.eye(self.k) * (1.0 if self.discount is None else 1.0 - self.discount)
 
     @property
     def ending(self) -> Floats | None:
-        """Return the count (k, k) of a step that terminates the episode.
+        """Return what a step at each level adds to the shares (k, k) if it terminates the episode.
 
-        None if no lasting level is given.
+        The result is None if no lasting level is given.
         """
         if self.discount is None or self.after == "last":
             return np.eye(self.k)
@@ -99,7 +94,7 @@ class Levels:
         return self.during + self.discount * lasting
 
     def of_step(self, observation: Any, reward: Any, info: dict[str, Any]) -> int:
-        """Return the level of one step.
+        """Return the level of a step.
 
         Raises ValueError if there is none, or if it is not one of 0 to k - 1.
         """
@@ -121,7 +116,7 @@ class Levels:
         raise self._bad(found)
 
     def of_steps(self, observations: Any, rewards: Any, infos: dict[str, Any], stepped: Any) -> Any:
-        """Return the levels (n,) of one step of each of n environments, 0 unless ``stepped`` (n,).
+        """Return the levels (n,) of a step of each of n environments, 0 unless ``stepped`` (n,).
 
         Raises ValueError.
         """

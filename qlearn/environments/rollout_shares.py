@@ -1,4 +1,4 @@
-"""Measurements of a policy by rollouts."""
+"""The share vector of a policy as measured by rollouts, and its errors."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ a larger one has a probability of 0.27%."""
 
 
 class RolloutShares(NamedTuple):
-    """Shares of a policy that episodes measured, with their errors.
+    """A policy's share vector, measured over some episodes, with standard errors.
 
     Attributes
     ----------
@@ -21,8 +21,8 @@ class RolloutShares(NamedTuple):
     errors : (k,)
         Standard errors of the shares, none below ``error_of_unseen``.
     undecided : float
-        Share of time after episodes were cut off, at levels that nobody saw. ``shares`` and
-        ``undecided`` total 1.
+        Share of time after episodes were cut off, at unknown levels. ``shares`` and ``undecided``
+        total 1.
     """
 
     shares: Floats
@@ -31,13 +31,12 @@ class RolloutShares(NamedTuple):
 
 
 def error_of_unseen(episodes: int) -> float:
-    """Return the least standard error of a share measured in so many episodes.
+    """Return the least standard error of a share measured in a number of episodes.
 
-    It holds however alike they are.
-
-    An outcome of probability p shows in none of n episodes with probability (1 - p)^n. As long as
-    that exceeds 0.27%, it cannot be excluded, and a share may be off by p. So ``STANDARD_ERRORS``
-    errors are at least 1 - 0.0027^(1 / n).
+    It applies even if all episodes were alike. An outcome of probability p shows in none of n
+    episodes with probability (1 - p)^n. As long as that exceeds 0.27%, the outcome cannot be
+    excluded, and a share may be off by p. So ``STANDARD_ERRORS`` standard errors must be at least 1
+    - 0.0027^(1 / n).
 
     Parameters
     ----------

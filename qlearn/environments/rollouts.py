@@ -1,4 +1,4 @@
-"""Share vectors of a policy, measured by running it."""
+"""Measurement of a policy's share vector by running it."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def rollout_shares(
     Parameters
     ----------
     env : gymnasium.Env
-        In an ``OrdinalReward`` or a ``LevelVector`` the level of a step, the level after the end,
-        and the discount are known. For another environment give ``discount``, ``k``, ``level`` and
-        ``after``, in their words.
+        If it has an ``OrdinalReward`` or a ``LevelVector`` around it, the level of a step, the
+        level after the end, and the discount are known from that. For another environment give
+        ``discount``, ``k``, ``level`` and ``after``, as these wrappers take them.
     policy : callable or model
         A function from an observation to an action, or anything with ``predict``, such as a model
         of Stable-Baselines3 (which then takes its best action, not one to explore).
@@ -45,10 +45,10 @@ def rollout_shares(
         Number of levels.
     level : str, mapping or callable
     after : int or "last", optional
-        For a ``LevelVector`` without a lasting level it supplies one.
+        Needed for a ``LevelVector`` that has no lasting level.
     max_steps : int, optional
-        Episodes are cut off after so many steps, and where the environment truncates them. Default:
-        once less than 1e-4 of the time is left.
+        Episodes are cut off after this many steps, and where the environment truncates them.
+        Default: once less than 1e-4 of the time is left.
     seed : int, optional
         Goes to the first ``reset``.
 
@@ -63,12 +63,12 @@ def rollout_shares(
 
     Notes
     -----
-    A rare outcome may show in no episode: an outcome of probability 2% misses from 20 episodes two
-    times of three. So no error is below a third of 1 - 0.0027^(1 / episodes), the probability that
-    an outcome which no episode showed can still have: 26% after 20 episodes, 5.7% after 100, 0.6%
-    after 1,000 (at 99.7%, as three standard errors are). Run enough that rare outcomes are seen. If
-    policy and environment have no chance, one episode tells all: give ``InteractiveTraining.add``
-    the ``shares`` alone, which it then takes to be exact.
+    A rare outcome may show in no episode: an outcome of probability 2% is missing from 20 episodes
+    two times out of three. Its probability can still be up to 1 - 0.0027^(1 / episodes) (at 99.7%,
+    as three standard errors are): 26% after 20 episodes, 5.7% after 100, 0.6% after 1,000. So no
+    error is below a third of that. Run enough episodes to see rare outcomes. If policy and
+    environment are not random, one episode tells all: give ``InteractiveTraining.add`` the
+    ``shares`` alone, which it then takes to be exact.
     """
     if isinstance(env, VectorEnv):
         raise TypeError(
@@ -119,7 +119,7 @@ def rollout_shares(
 def _one(
     env: Any, levels: Levels, act: Callable[[Any], Any], most: int, seed: int | None
 ) -> Floats:
-    """Return the shares (k,) of one episode; the share missing to 1 was cut off."""
+    """Return the shares (k,) of an episode. If it was cut off, their total is below 1."""
     during, ending, left = levels.during, levels.ending, 1.0
     shares: Floats = np.zeros(levels.k)
     observation, _ = env.reset(seed=seed)
@@ -141,7 +141,7 @@ def _one(
 def _acting(policy: Any) -> Callable[[Any], Any]:
     """Return a policy, at the start of an episode, as a function from observations to actions.
 
-    Raises TypeError.
+    Raises TypeError if it is no policy.
     """
     predict = getattr(policy, "predict", None)
     if predict is None:
@@ -170,5 +170,5 @@ def _acting(policy: Any) -> Callable[[Any], Any]:
 
 
 def _action(predicted: Any) -> Any:
-    """Return the action, if it is given beside a state."""
+    """Return the action, which some models return together with a hidden state."""
     return predicted[0] if isinstance(predicted, tuple) else predicted

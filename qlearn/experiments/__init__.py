@@ -1,4 +1,4 @@
 """Many runs of learners against tutors: the ablation, its metrics, its picture.
 
-Imports from ``learners`` and below.
+This folder imports from ``learners`` and below.
 """

@@ -1,10 +1,8 @@
 """The comparator ablation: comparators x learners x tutors x problems x seeds.
 
-Every cell has the same random numbers.
-
-A seed fixes the MDP, the hidden values, the learner's exploration and transitions, the tutor's
-errors and the resamples of the comparator, so that runs of one seed differ by what is compared and
-nothing else. Any run can be rebuilt by hand with that ``seed``.
+All cells use the same random numbers. A seed fixes the MDP, the hidden values, the learner's
+exploration and transitions, the tutor's errors and the resamples of the comparator. So runs of the
+same seed differ only by what is compared. Any run can be made again by hand with that ``seed``.
 
 ``ablate`` plans the runs. ``run_all`` makes each of them, by ``run_named`` and ``run``, and puts it
 beside the oracle's. The paper's figures (``qlearn.paper``) are made of the same runs.
@@ -66,16 +64,15 @@ _MUCH = 1_000_000  # steps in all, that are worth compiling for before they begi
 _BESIDE = ("paper_loss_percent", "paper_abs_percent", "excess_loss", "excess_loss_initial")
 SimulatedTutor: TypeAlias = TruthfulTutor | FlippingTutor | BradleyTerryTutor | PersonTutor
 Owned: TypeAlias = Mapping[str, Own]
-"""Of one run: the user's own, by the column of the table that has their names ("comparator",
-...).
-"""
+"""The user's own parts of a run, by the column of the table that has their names ("comparator",
+...)."""
 
 
 class Run(NamedTuple):
-    """One finished run: its row of the table, and what the oracle is compared by.
+    """A finished run: its row of the table, and what a comparison with the oracle needs.
 
-    These are v (S,) of figure 4 and the greatest reward that can be had. The seconds it took come
-    last.
+    The latter is v (S,) of the paper's figure 4, and the greatest reward that can be had. The
+    seconds that the run took come last.
     """
 
     row: dict[str, Any]
@@ -94,7 +91,8 @@ TUTORS: Mapping[str, Callable[[OrdinalMDP, Floats, float, int], SimulatedTutor]]
         values, rate, _reference(mdp, tuple(values)), seed
     ),
 }
-"""A tutor who errs at a rate above 0, from the hidden values (k,) and the seed of the errors."""
+"""Factories of tutors who err at a rate above 0, from the hidden values (k,) and the seed of the
+errors."""
 
 
 def ablate(
@@ -106,51 +104,56 @@ def ablate(
     progress: Callable[[int, int], None] | None = None,
     **changes: Any,
 ) -> pd.DataFrame:
-    """Run every cell and return one row a run, in the order of ``KEYS``.
+    """Run every cell and return a row for each run, in the order of ``KEYS``.
 
-    The last column has the seconds that the run took.
-
-    ``changes`` are fields of ``AblationSettings`` by name, in place of those of ``settings``
-    (default: the defaults).
+    The last column has the seconds that the run took. ``changes`` are fields of
+    ``AblationSettings`` by name, in place of those of ``settings`` (default: the defaults).
 
     ``catalogue`` says what the names of problems, learners and comparators stand for.
     "posterior-close" is for "q-learning" alone. "policy-iteration" runs only with comparators that
     can prove a loss bound (not "always", not "box"), and has no audited runs and no oracle.
-    ``audit`` > 0 adds a second, audited run to each cell of the polytope, which only so notices an
-    error; "relaxed", which differs from it only where answers contradict each other, then has no
-    other. "always" with a truthful tutor is always run: it is the oracle that the others are paired
-    with, all but the audited ones, which are shorter (their paired columns are nan).
+    ``audit`` > 0 adds a second, audited run to each cell of the polytope, which notices errors only
+    in this way. "relaxed", which differs from the polytope only if answers contradict each other,
+    then has only the audited run. "always" with a truthful tutor is always run: it is the oracle
+    that the others are paired with. Audited runs are not, because they are shorter (their paired
+    columns are nan).
 
-    Your own go in by a mapping of the names that they shall have, in ``runs.csv`` and pictures too,
-    to their factories, beside ours, which stand for themselves: ``comparators={"mine": lambda k,
-    seed: Mine(k), "polytope": "polytope"}``. A factory is a function, or the text
-    "package.module:factory"; such a text also stands where names do, and is then the name. It is
-    called anew for every run, in whatever process computes it, and lambdas and closures will do:
+    Your own parts are given as a mapping from their names, which ``runs.csv`` and pictures show, to
+    their factories. Ours may stand beside them under their own names: ``comparators={"mine": lambda
+    k, seed: Mine(k), "polytope": "polytope"}``. A factory is a function, or the text
+    "package.module:factory". Such a text may also be given in place of a name, and is then the
+    name. A factory is called for every run, in the process that computes it. Lambdas and closures
+    are allowed.
 
     comparators   factory(k, seed) -> Comparator of k levels; never audited
     problems      factory(seed) -> (mdp, values), an OrdinalMDP and its hidden scale (k,)
     tutors        factory(values, seed) -> Tutor, or factory(values, seed, reference) with the
-                  differences (n, k) of an optimal policy's choices, to set noise by; or "person",
-                  an ``elicit.PersonTutor``, another one for each seed. They come
-                  beside the tutors of ``error_rates``, with their names in the column
-                  ``error_rate``. Where a tutor does not count its errors they are counted here. Our
+                  differences (n, k) of an optimal policy's choices, by which noise can be set; or
+                  "person", an ``elicit.PersonTutor``, a different one for each seed. They come in
+                  addition to the tutors of ``error_rates``, with their names in the column
+                  ``error_rate``. If a tutor does not count its errors they are counted here. Our
                   comparators assume that the tutor may call equal what lies within .01 (``tie``);
-                  of ours they know better
-    learners      factory(mdp, comparator, seed) -> Learner, with settings of its own, the budget
-                  included. They have no audited runs and no oracle: their excess loss is that
-                  beyond the best policy
+                  for our own tutors the true width is known
+    learners      factory(mdp, comparator, seed) -> Learner, with its own settings, including the
+                  budget. They have no audited runs and no oracle: their excess loss is that beyond
+                  the best policy
 
-    The rows do not depend on ``jobs`` (processes; None: as an outer ``joblib.parallel_config``
-    says, a Dask cluster say, else one a core), nor on whether a run is read from ``journal``, the
-    file in which finished runs are kept and looked up; only the seconds do. There a run counts as
-    the same while its settings, the sources of both packages and the versions of the libraries that
-    compute are the same; and, of your own, the factory's code, its defaults, what it closes over,
-    and the functions, classes and constants that it names, and that those name (``code_identity``):
-    under the same name another code is computed anew, the same code under another name too. Files
-    that it reads, and changes in packages that you install, are not seen: ``fresh`` empties the
-    journal. ``progress`` is called with (runs finished, runs in all). Raises ValueError for a
-    setting that cannot be, and where a factory fails or returns something else, before the first
-    run; TypeError for a setting that there is not; and as ``run_all`` does.
+    The rows do not depend on ``jobs`` (number of processes; None: as an outer
+    ``joblib.parallel_config`` says, such as for a Dask cluster, else one for each core). Nor do
+    they depend on whether a run is read from ``journal``, the file in which finished runs are kept
+    and looked up. Only the seconds do.
+
+    A run is taken from the journal if its settings, the sources of both packages and the versions
+    of the libraries that compute are the same. For your own parts these must be the same too: the
+    factory's code, its defaults, its closure, and the functions, classes and constants that it
+    names, directly or indirectly (``code_identity``). So changed code is computed again under the
+    same name, and so is the same code under another name. Files that it reads, and changes in
+    packages that you install, are not seen: ``fresh`` empties the journal. ``progress`` is called
+    with (runs finished, runs in all).
+
+    Raises ValueError for an impossible setting, and, before the first run, for a factory that fails
+    or returns something else. Raises TypeError for an unknown setting. Other errors are those of
+    ``run_all``.
     """
     check_keywords(ablate, changes, {one.name for one in fields(AblationSettings)})
     settings = replace(settings or AblationSettings(), **changes)
@@ -205,10 +208,10 @@ def plan_of(settings: AblationSettings) -> list[Cell]:
 def in_order(
     cells: Iterable[Cell], keys: Sequence[str], own: Mapping[str, Iterable[str]] | None = None
 ) -> list[Cell]:
-    """Return cells in the order of their table, which goes by these keys.
+    """Return cells in the order of their table, by these keys.
 
-    The user's own names, by their columns, come after ours, and tutors of the user's after the
-    error rates.
+    The user's own names come after ours in each column, and the user's tutors after the error
+    rates.
     """
     order = {
         key: (*ORDER.get(key, ()), *(own or {}).get(key, ())) for key in {*ORDER, *(own or {})}
@@ -237,21 +240,26 @@ def run_all(
     shown: Callable[[pd.DataFrame], pd.DataFrame],
     **how: Unpack[SweepOptions],
 ) -> pd.DataFrame:
-    """Return one row a cell, in their order, beside the oracle's.
+    """Return a row for each cell, in order, with columns that compare it with the oracle's run.
 
-    The oracle has the same problem and seed, and always asks a truthful tutor.
+    The oracle's run has the same problem and seed, and always asks a truthful tutor.
 
-    A cell is as ``run`` has it, with the name of its "problem"; ``size`` has "states", "actions",
-    "levels" and "discount" of the random MDPs, where the cells do not name their own. ``function``
-    is ``run_named``, or adds to its row; ``shown`` makes the table that is returned; ``how`` are
-    ``SweepOptions``. The last columns, nan without an oracle and for audited runs, which are
-    shorter than it: ``paper_loss_percent`` (figure 4's formula, signed as printed),
-    ``paper_abs_percent`` (the same with |v(s) - V(s)|, which cannot cancel out), ``excess_loss``
-    and ``excess_loss_initial`` (true policy loss beyond the oracle's, share of the value range; of
-    a learner of the user's beyond the best policy's, which is 0); and the ``seconds`` of the run.
+    A cell is a dict as in ``run``, with the name of its "problem". ``size`` has "states",
+    "actions", "levels" and "discount" of the random MDPs, unless the cells say their own.
+    ``function`` computes a row: ``run_named``, or a function that adds to its row. ``shown`` turns
+    the rows into the table that is returned. ``how`` are ``SweepOptions``.
 
-    Raises ImportError without the package of a problem, ValueError where a factory of the user's
-    returns what it should not, Interrupted on Ctrl-C, and as ``sweep`` does.
+    The last columns are nan without an oracle, and for audited runs, which are shorter than the
+    oracle's:
+
+    - ``paper_loss_percent``: the paper's formula for figure 4, signed as printed.
+    - ``paper_abs_percent``: the same with |v(s) - V(s)|, which cannot cancel out.
+    - ``excess_loss`` and ``excess_loss_initial``: the true policy loss beyond the oracle's, a share
+      of the value range. For a user's own learner it is beyond the best policy's, which is 0.
+    - ``seconds``: the time of the run.
+
+    Raises ImportError without the package of a problem, ValueError if a user's factory returns
+    something wrong, Interrupted on Ctrl-C, and the errors of ``sweep``.
     """
     given = settings.own()
 
@@ -288,7 +296,7 @@ def run_all(
 
 
 def _check_parts(cell: Cell, size: Size, settings: Settings, own: Owned) -> None:
-    """Raise what the parts of a run would raise when they are made."""
+    """Raise the errors that making the parts of a run would raise."""
     mdp, values = _problem_of(cell, size, own)
     if own:
         settings = _of_cell(settings, cell, mdp, own)
@@ -303,10 +311,10 @@ def run_named(
     settings: Mapping[str, Any],
     own: Owned | None = None,
 ) -> Run:
-    """Run a cell by a worker that makes the problem itself (once).
+    """Run a cell in a worker that makes the problem itself (once).
 
-    A task is a few hundred bytes, a table of ICU-Sepsis 40 MB. Raises RuntimeError if this
-    process's ``sources`` are not those ``built`` names.
+    A task is a few hundred bytes, while a table of ICU-Sepsis would be 40 MB. Raises RuntimeError
+    if this process's ``sources`` are not those of ``built``.
     """
     if built != sources():
         raise RuntimeError(
@@ -318,17 +326,18 @@ def run_named(
 def run(
     cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings, own: Owned | None = None
 ) -> Run:
-    """One run of one cell, on one thread.
+    """Make the run of a cell, on one thread.
 
     cell    the names of its "learner" and "comparator", "error_rate" of the tutor (or the name of a
             tutor in ``own``), "audit" (share of the decided pairs) and "seed". Audited runs are
-            shorter, for contradictions show early. "always" has no budget. With an error rate of 0
-            the tutor is truthful. In place of an error rate, "c" is the precision of eq. (6) in the
-            paper's units, discounted counts times the hidden values as they are
+            shorter, because contradictions show early. "always" has no budget. With an error rate
+            of 0 the tutor is truthful. In place of an error rate, "c" is the precision of the
+            paper's eq. (6) in the paper's units, discounted counts times the hidden values as they
+            are
     values  (k,) the hidden scale
-    own     factories in place of what ``COMPARATORS``, ``LEARNERS`` and ``TUTORS`` have, by
-            "comparator", "learner" and "error_rate": see ``ablation.ablate``. A learner of the
-            user's has settings of its own, the budget included
+    own     factories in place of those in ``COMPARATORS``, ``LEARNERS`` and ``TUTORS``, by
+            "comparator", "learner" and "error_rate": see ``ablation.ablate``. A user's own learner
+            has its own settings, including the budget
     """
     own = own or {}
     settings = _of_cell(settings, cell, mdp, own)
@@ -384,10 +393,10 @@ def _tutor(
 
 
 def of_precision(c: float, mdp: OrdinalMDP, values: Floats, seed: int) -> BradleyTerryTutor:
-    """Return the tutor of the paper's eq. (6), of precision c per unit of discounted return.
+    """Return a tutor who errs by the paper's eq. (6), with precision c per discounted return.
 
-    The hidden values (k,) are not brought to 0..1 first. So c is multiplied by their range over
-    1 - discount, because ``BradleyTerryTutor`` counts its precision per value range of shares.
+    The hidden values (k,) are not brought to 0..1 first. So c is multiplied by their range over 1 -
+    discount, because ``BradleyTerryTutor`` counts its precision per value range of shares.
     """
     return BradleyTerryTutor(values, c * (values[-1] - values[0]) / (1.0 - mdp.discount), seed)
 
@@ -410,7 +419,7 @@ def _learner(
 
 
 def _of_cell(settings: Settings, cell: Cell, mdp: OrdinalMDP, own: Owned) -> Settings:
-    """The settings as they are in a cell."""
+    """Return the settings of a single cell."""
     if settings.tie is None:
         may_say_equal = "error_rate" in own or cell["error_rate"] in NAMED_TUTORS
         settings = replace(settings, tie=TIE if may_say_equal else 0.0)
@@ -429,14 +438,14 @@ def _of_cell(settings: Settings, cell: Cell, mdp: OrdinalMDP, own: Owned) -> Set
 
 @lru_cache(maxsize=32)
 def instance(problem: str, seed: int, size: Size) -> tuple[OrdinalMDP, Floats]:
-    """The MDP and the hidden values (k,) of one of ``PROBLEMS``. Raises as their makers do."""
+    """Return the MDP and hidden values (k,) of one of ``PROBLEMS``. Raises its maker's errors."""
     return PROBLEMS[problem].instance(seed, size)
 
 
 def _problem_of(cell: Cell, size: Size, own: Owned) -> tuple[OrdinalMDP, Floats]:
     """Return the MDP and the hidden values (k,) of a cell.
 
-    The user's own is made anew, because what it reads may have changed.
+    A user's own problem is made again each time, because files that it reads may have changed.
     """
     given = own.get("problem")
     return (
@@ -450,7 +459,7 @@ def _size(cell: Cell, size: Mapping[str, Any]) -> Size:
 
 
 def _cost(cell: Cell) -> float:
-    """Return the cost by which runs are ordered.
+    """Return a number by which runs are ordered: those with the largest begin first.
 
     Oracles come first: all other runs are paired with them, so that an interrupted sweep has its
     pairs. Then come the runs that take the longest.
@@ -464,10 +473,10 @@ def _cost(cell: Cell) -> float:
 
 
 def _beside_oracles(results: Iterable[Any], best_policy: Container[str]) -> pd.DataFrame:
-    """Return the table of the runs that have finished.
+    """Return the table of the runs that have finished, with columns against the oracle's runs.
 
-    The losses of learners in ``best_policy`` are taken against the best policy. There is no oracle
-    for them, because they do not run with a comparator that never learns.
+    Learners in ``best_policy`` do not run with a comparator that never learns, and so have no
+    oracle. Their losses are taken against the best policy.
     """
     runs = [Run(row, np.array(v), best, seconds) for row, v, best, seconds in filter(None, results)]
     oracles = {_problem(run.row): run for run in runs if is_oracle(run.row)}

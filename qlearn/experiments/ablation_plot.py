@@ -27,7 +27,7 @@ _NONE = "none"  # the row of the table for the policy of equal gaps, which asks 
 _LINES, _INCHES_A_LINE = (
     5,
     0.21,
-)  # the lines of a legend that the figure's height allows for, and what one more takes
+)  # lines of a legend that the figure's height allows for; the height of one more
 _ASKED = "questions asked\n(log scale)"
 _LOST = "policy loss, %\n(log scale beyond 0.1)"
 LEGEND = """\
@@ -51,8 +51,9 @@ def table(
 ) -> str:
     """Return the summary of ``ablation.summarise`` as text, by problem and learner.
 
-    It has at most 120 columns, if names of your own are short. ``LEGEND`` explains them. ``names``
-    overrides ``NAMES``. ``seeds`` is the number that each row should have; rows with fewer say so.
+    It is at most 120 columns wide, if names of your own are short. ``LEGEND`` explains the columns.
+    ``names`` overrides ``NAMES``. ``seeds`` is the number that each row should have; rows with
+    fewer say so.
     """
     _check_summary("table", summary)
     parts = []
@@ -85,9 +86,9 @@ def plot_ablation(
 
     There are two panels, one above the other. The loss is against the optimal policy under the
     hidden values, by the tutor's error rate. A line joins the error rates of a comparator. Your own
-    tutors stand beside them, by name, and no line joins them. There are 95% t-intervals if there
-    are three seeds or more: of two they would hide all else. Hollow markers mean that the budget
-    was spent in at least one run. A grey horizontal line is the loss of asking nothing.
+    tutors stand beside them, by name, without a line. 95% t-intervals are drawn if there are three
+    seeds or more: those of two seeds would hide everything else. Hollow markers mean that the
+    budget was spent in at least one run. A grey horizontal line is the loss without any question.
 
     ``summary`` is ``ablation.summarise(...)``. Audited runs are not drawn. ``max_queries`` draws
     the budget, and ``names`` overrides ``NAMES``. If points have fewer runs than ``seeds``, the
@@ -184,9 +185,9 @@ def _check_summary(taker: str, summary: object) -> None:
 
 
 def _highest(rows: pd.DataFrame) -> float:
-    """Return the greatest loss that is drawn, as a share of the value range.
+    """Return the greatest loss in the picture, as a share of the value range.
 
-    It is a mean, an end of an interval, or the loss of asking nothing.
+    It is a mean, an end of an interval, or the loss without any question.
     """
     half = rows.loss_half.where(rows.runs > 2).fillna(0.0)
     highest = float((rows.loss + half).max())
@@ -194,12 +195,12 @@ def _highest(rows: pd.DataFrame) -> float:
 
 
 def _called(names: Mapping[str, str] | None, column: str, name: str) -> str:
-    """Return the label of a problem, learner or comparator; the user's own by their names."""
+    """Return the label of a problem, learner or comparator. The user's own have their names."""
     return (names or {}).get(name, NAMES[name] if name in ORDER[column] else name)
 
 
 def _tutors(summary: pd.DataFrame) -> list[float | str]:
-    """Return the error rates, and after them the user's tutors, by name."""
+    """Return the error rates in the summary, and after them the user's tutors by name."""
     told = list(dict.fromkeys(summary.error_rate))
     return [
         *sorted(rate for rate in told if not isinstance(rate, str)),
@@ -227,7 +228,7 @@ def _paths(
     looks: Mapping[str, Mapping[str, Any]],
     tutors: list[float | str],
 ) -> None:
-    """Draw the means of each comparator, a line through those of the error rates only.
+    """Draw the means of each comparator, with a line through those of the error rates only.
 
     Intervals stand beside each other, and none reaches below 0.
     """
@@ -267,11 +268,11 @@ def _paths(
             ):
                 line.set_in_layout(
                     False
-                )  # not clipped, for 0 lies on the edge; but what is not clipped takes room
+                )  # not clipped, because 0 lies on the edge, and so taking room
 
 
 def _scales(asked: Axes, lost: Axes, max_queries: int | None) -> None:
-    """Set both log scales, about 0, and draw the budget."""
+    """Set both axes to log scales that are linear near 0, and draw the budget."""
     asked.set_yscale("symlog", linthresh=10, linscale=0.5)
     asked.yaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
     lost.set_yscale("symlog", linthresh=0.1, linscale=0.5)
@@ -285,9 +286,10 @@ def _scales(asked: Axes, lost: Axes, max_queries: int | None) -> None:
 
 
 def _unasked_row(part: pd.DataFrame) -> Any:
-    """Return the row with most seeds, whose loss of asking nothing is shown; None if unknown.
+    """Return the row whose loss without any question is shown; None if it is unknown.
 
-    Asking nothing has the same loss beside every comparator of a problem, but for missing seeds.
+    This loss is the same for every comparator of a problem if no seeds are missing. So the row with
+    most seeds is taken.
     """
     if "loss_unasked" not in part or not part.loss_unasked.notna().any():
         return None
@@ -296,7 +298,7 @@ def _unasked_row(part: pd.DataFrame) -> Any:
 
 
 def _unasked_cells(part: pd.DataFrame, seeds: int | None) -> list[dict[str, str]]:
-    """Return the table's line for asking nothing, if the summary has its loss."""
+    """Return the table's line for the loss without any question, if the summary has it."""
     row = _unasked_row(part)
     if row is None:
         return []
@@ -339,7 +341,7 @@ def _cells(row: Any, conflict: str, seeds: int | None) -> dict[str, str]:
 
 
 def _conflict(row: Any) -> str:
-    """Return the outcome of a cell's audits, in words."""
+    """Return the outcome of a row's audits, in words."""
     if not row.contradicted:
         return "none"
     false = f", {int(row.audit_wrong)} false" if row.audit_wrong else ""

@@ -1,7 +1,7 @@
 """The catalogue of comparators, learners and problems, with names, factories and labels.
 
-``ablate``, ``figures``, ``teach``, the pictures, ``warm_up`` and the documentation take their names
-and parts from here, in the order of its entries. Imports nothing heavy.
+``ablate``, ``figures``, ``teach``, the pictures, ``warm_up`` and the documentation take names and
+parts from here, in the order of the entries. Importing this module imports nothing heavy.
 """
 
 from __future__ import annotations
@@ -45,23 +45,24 @@ class LearnerEntry:
     Attributes
     ----------
     name : str
-        Its one name: on the command line, in rows of results, in journals.
+        Its name on the command line, in rows of results and in journals.
     label : str
         Its name in tables and pictures.
     factory : function
-        From mdp, comparator and keywords.
+        Makes the learner from mdp, comparator and keywords.
     keywords : function
-        The keywords that it has from the settings, beside those of all learners.
+        Takes the settings, and returns the keywords that this learner has beside those of all
+        learners.
     indifference : function, optional
-        The indifference that follows from its tolerance, from the settings and the discount. None:
-        it has the indifference of the settings, and pairs with comparators that are
-        ``indifferent``.
+        Takes the settings and the discount, and returns the indifference that follows from the
+        learner's tolerance. None: the settings have the indifference, and the learner runs with
+        comparators that are ``indifferent``.
     needs_proof : bool
-        True if it ends by a bound on its policy's loss, which only comparators that ``prove`` can
-        give. It has no oracle, because always asking proves nothing.
+        True if the learner ends by a bound on its policy's loss, which only comparators that
+        ``prove`` can give. It has no oracle, because always asking proves nothing.
     compiles : str, optional
-        The small run of ``compile_ahead`` that compiles its functions. None: it has none, and its
-        functions are compiled in its first run.
+        The small run of ``compile_ahead`` that compiles the learner's functions. None: there is
+        none, and the functions are compiled in the learner's first run.
     """
 
     name: str
@@ -74,7 +75,7 @@ class LearnerEntry:
 
     @property
     def has_tolerance(self) -> bool:
-        """True if it ends by a tolerance, which then gives its indifference."""
+        """True if the learner stops at a tolerance of loss. Its indifference follows from that."""
         return self.indifference is not None
 
     def pairs_with(self, comparator: ComparatorEntry) -> bool:
@@ -91,12 +92,12 @@ class ProblemEntry:
     Attributes
     ----------
     name : str
-        Its one name: on the command line, in rows of results, in journals.
+        Its name on the command line, in rows of results and in journals.
     label : str
         Its name in tables and pictures.
     factory : function, optional
-        Makes the MDP. None for random MDPs, which depend on a seed and a size, and for families. It
-        raises ImportError without the problem's package.
+        Makes the MDP, or raises ImportError without the problem's package. None for random MDPs,
+        which depend on a seed and a size, and for families.
     family : function, optional
         Makes the MDP of a family from a seed.
     taught : bool
@@ -112,7 +113,7 @@ class ProblemEntry:
     def instance(self, seed: int, size: Size) -> tuple[OrdinalMDP, Floats]:
         """Return the MDP and its hidden values (k,).
 
-        An MDP that does not depend on a seed is made once for each process.
+        An MDP that does not depend on a seed is made only once in each process.
         """
         from qlearn.problems.random_mdp import draw_values, random_mdp
 

@@ -1,6 +1,6 @@
 """Hashes of the code that a run depends on: a user's factory, and the sources of both packages.
 
-By them a journal tells the code of today from that of yesterday.
+A journal uses them to notice that code has changed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import Any
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 _PLAIN = (type(None), bool, int, float, complex, str, bytes, type(...))
-_OURS = ("elicit", "qlearn")  # what of them a run depends on is hashed as a whole
+_OURS = ("elicit", "qlearn")  # their sources are hashed as a whole
 _INSTALLED = [
     Path(sysconfig.get_path(name)).resolve()
     for name in ("stdlib", "platstdlib", "purelib", "platlib")
@@ -39,9 +39,9 @@ _NO_RUNS = (
 
 @cache
 def sources() -> str:
-    """Return a hash of what a run depends on beside its settings.
+    """Return a hash of all code that a run depends on: the sources, and versions of libraries.
 
-    It depends on the sources, and on the libraries that compute.
+    Settings and a user's own code are not part of it.
     """
     digest = hashlib.blake2b(digest_size=16)
     here = Path(__file__).parents[1]
@@ -70,9 +70,9 @@ def identity(thing: Any) -> str:
     """Return a hash of a function, or of anything else that can be called.
 
     It is the same in every process as long as nothing changes in its code, its defaults, its
-    closure, and the functions, classes and constants that it names. The same holds for all that
-    these depend on. Installed modules, Python's own, and those of elicit and qlearn count by name
-    only. Other contents count by their pickle. If there is none, the hash differs each time.
+    closure, and the functions, classes and constants that it names, directly or indirectly.
+    Installed modules, Python's own, and those of elicit and qlearn count by name only. Other
+    contents count by their pickle. If something cannot be pickled, the hash differs each time.
     """
     digest = hashlib.blake2b(digest_size=16)
     for piece in _pieces(thing, {}):
@@ -81,10 +81,11 @@ def identity(thing: Any) -> str:
 
 
 def _pieces(thing: Any, met: dict[int, tuple[int, Any]]) -> Iterator[str]:
-    """Yield texts that tell a thing from others.
+    """Yield texts that together identify a thing.
 
-    ``met`` numbers the things that may contain themselves. It also keeps them alive, or their ids
-    would be reused. Constants are not among them, because Python decides when two are one object.
+    ``met`` numbers the things that may contain themselves. It also keeps them alive, because
+    otherwise their ids would be reused. Constants are not among them, because Python decides when
+    two constants are the same object.
     """
     if isinstance(thing, _PLAIN):
         yield f"{type(thing).__name__} {thing!r}"
@@ -107,7 +108,7 @@ def _pieces(thing: Any, met: dict[int, tuple[int, Any]]) -> Iterator[str]:
 
 
 def _parts(thing: Any) -> list[Any] | None:
-    """Return the parts that a thing is made of; None if they are not known."""
+    """Return the parts that a thing consists of; None if they are not known."""
     match thing:
         case types.CodeType():
             return [thing.co_code, thing.co_names, thing.co_varnames, thing.co_consts]
@@ -151,7 +152,7 @@ def _parts(thing: Any) -> list[Any] | None:
             return None
 
 
-_OF_EVERY_CLASS = {  # what Python keeps in a class beside what its author wrote
+_OF_EVERY_CLASS = {  # members that Python adds to the author's
     "__dict__", "__weakref__", "__doc__", "__firstlineno__", "__static_attributes__",
     "__annotations__",
     "__annotations_cache__", "__annotate_func__", "__dataclass_fields__", "__dataclass_params__",
@@ -161,9 +162,9 @@ _OF_EVERY_CLASS = {  # what Python keeps in a class beside what its author wrote
 
 
 def _named(code: types.CodeType, scope: Mapping[str, Any]) -> list[Any]:
-    """Return the things in its module that a function's code names.
+    """Return the things of its module that a function's code names.
 
-    If one is a module of the user's, the names that the code takes from it follow.
+    If one is a module of the user's, the things that the code takes from it follow.
     """
     names, found = sorted(_names(code)), []
     for name in names:
@@ -194,7 +195,7 @@ def _is_theirs(thing: Any) -> bool:
 
 
 def _is_installed(module: str) -> bool:
-    """Return whether a module is one of ours, of Python's, or installed."""
+    """Return whether a module is of elicit or qlearn, of Python, or installed."""
     if module.partition(".")[0] in _OURS:
         return True
     if module == "__main__":  # a script, or a notebook

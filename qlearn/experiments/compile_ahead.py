@@ -1,8 +1,8 @@
 """Tiny runs that fill numba's cache before workers start.
 
-Each takes a moment if the machine code is there already, and otherwise a quarter or half a minute.
-They are quicker side by side than one after another, although processes that begin together compile
-the same functions.
+Each run takes a moment if the machine code is there already, and otherwise a quarter or half a
+minute. They are quicker side by side than one after another, although processes that begin together
+compile some functions twice.
 """
 
 from __future__ import annotations
@@ -31,10 +31,7 @@ from qlearn.problems.random_mdp import random_mdp
 
 
 def parts(cells: Iterable[Cell]) -> tuple[Callable[[], None], ...]:
-    """Return the tiny runs that the runs of these cells need.
-
-    With two processes, the loops use code that the proofs have compiled.
-    """
+    """Return the tiny runs that compile all that these cells need."""
     named = {name for cell in cells for name in (cell["comparator"], cell["learner"])}
     needed = {entry.compiles for entry in COMPARATORS.values() if entry.name in named}
     needed |= {entry.compiles for entry in LEARNERS.values() if entry.name in named}
@@ -43,13 +40,13 @@ def parts(cells: Iterable[Cell]) -> tuple[Callable[[], None], ...]:
 
 @jit.compiling()
 def proofs() -> None:
-    """Let a polytope learn answers."""
+    """Compile the polytope's proofs: let a polytope learn answers."""
     _choose(PolytopeComparator(5))
 
 
 @jit.compiling()
 def moves() -> None:
-    """Let the posterior learn answers, of one person and of two, and with a prior."""
+    """Compile the posterior's moves: it learns answers of one and two people, and with a prior."""
     _choose(PosteriorComparator(5, particles=50, seed=0))
     rows = np.diff(_rows(21), axis=0)
     answers = Answers(rows, [1, -1] * 10, who=["ann", "ann", "ben", "ben"] * 5)
@@ -59,9 +56,10 @@ def moves() -> None:
 
 @jit.compiling()
 def loops() -> None:
-    """Run Q-learning's loop, which holds all rules by which it decides.
+    """Compile Q-learning's loop, by a run.
 
-    The tutor remembers the pairs that it was asked about.
+    The loop contains all rules by which it decides. The tutor remembers the pairs that it was asked
+    about.
     """
     mdp, values = random_mdp(6, 3, 5, seed=0)
     drive(
@@ -72,7 +70,7 @@ def loops() -> None:
 
 @jit.compiling()
 def sweeps() -> None:
-    """Run value iteration's sweep, and compute the parts of its result."""
+    """Compile value iteration's sweep and the parts of its result, by a run."""
     mdp, values = random_mdp(6, 3, 5, seed=0)
     drive(
         InteractiveValueIteration(mdp, PolytopeComparator(5), tolerance=0.1), TruthfulTutor(values)
@@ -81,7 +79,7 @@ def sweeps() -> None:
 
 @jit.compiling()
 def certificates() -> None:
-    """Bound a loss as policy iteration does, and find answered pairs again."""
+    """Compile the loss bound of policy iteration, and the lookup of answered pairs."""
     mdp, values = random_mdp(6, 3, 5, seed=0)
     drive(InteractivePolicyIteration(mdp, PolytopeComparator(5)), TruthfulTutor(values))
     answered, d = AnsweredPairs(5), np.diff(_rows(3), axis=0)
@@ -90,8 +88,8 @@ def certificates() -> None:
 
 
 ALL = (proofs, moves, loops, sweeps, certificates)
-"""The tiny runs for all that users meet. This order compiles them soonest, with one process a core.
-"""
+"""The tiny runs for all that users meet. With a process for each core, this order compiles them
+soonest."""
 
 
 def _choose(comparator: Comparator) -> None:

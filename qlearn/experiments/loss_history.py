@@ -31,8 +31,8 @@ class _LossRow(NamedTuple):
 class LossHistory:
     """Losses of a learner's policy after each answer, from question zero.
 
-    Give it to ``qlearn.solve`` or ``qlearn.drive`` as ``progress``. Its first row is of the policy
-    of equal gaps: nobody has been asked yet. All losses are shares of the value range, as
+    Give the object to ``qlearn.solve`` or ``qlearn.drive`` as ``progress``. Its first row is of the
+    policy for equal gaps, before any question. All losses are shares of the value range, as
     ``Result.loss_bound`` is.
 
     Parameters
@@ -40,11 +40,11 @@ class LossHistory:
     mdp : OrdinalMDP
         The problem.
     values : array_like, optional
-        (k,) the hidden value of each level, increasing, for the true losses. Without them these
-        are nan.
+        (k,) the hidden value of each level, increasing, for the true losses. Without them these are
+        nan.
     bound : bool
-        Whether to compute the loss bound after each answer, which takes time. Without it the
-        bounds are nan.
+        Whether to compute the loss bound after each answer, which takes time. Without it the bounds
+        are nan.
 
     Raises
     ------
@@ -72,7 +72,7 @@ class LossHistory:
         self._rows = [self._row(0, policy, PolytopeComparator(mdp.k))]
 
     def __call__(self, result: Result) -> None:
-        """Enter the result so far. Rows come in the order of the answers."""
+        """Add a row for the result so far. Rows come in the order of the answers."""
         bound = result.loss_bound if self._bound else np.nan
         self._rows.append(_LossRow(result.asked, *self._losses(result.policy), bound))
 
@@ -97,10 +97,10 @@ class LossHistory:
         return np.array([row.loss_bound for row in self._rows])
 
     def after(self, asked: ArrayLike) -> NDArray[np.int64]:
-        """Return the index of the last row with at most so many questions, for each number given.
+        """Return, for each number given, the index of the last row with at most so many questions.
 
-        So ``history.loss[history.after(range(30))]`` is a curve of thirty points, also if the
-        learner ended earlier.
+        For example, ``history.loss[history.after(range(30))]`` is a curve of thirty points, even if
+        the learner ended earlier.
         """
         return np.searchsorted(self.asked, np.asarray(asked), side="right") - 1
 

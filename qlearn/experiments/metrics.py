@@ -51,7 +51,7 @@ _BY_ANSWERS = np.isin([*Tier], BY_ANSWERS)  # by tier
 
 
 class VerdictCounts(NamedTuple):
-    """Verdicts that a comparator decided, and the wrong ones among them.
+    """Numbers of a comparator's verdicts, and of the wrong ones among them.
 
     They are counted before and after the tutor's first wrong answer.
     """
@@ -65,7 +65,8 @@ class VerdictCounts(NamedTuple):
 class Watch:
     """Checks a comparator's verdicts against the hidden scale. Give it to a learner's ``watch``.
 
-    It counts BETTER and WORSE that the answers decided (``BY_ANSWERS``; dominance cannot be wrong).
+    It counts the verdicts BETTER and WORSE that depend on answers (``BY_ANSWERS``; dominance cannot
+    be wrong).
 
     Parameters
     ----------
@@ -122,7 +123,7 @@ class Watch:
 
 
 class Counted:
-    """A tutor that counts its verdicts, and those that differ from the hidden values' (k,)."""
+    """A tutor whose verdicts are counted, and those that are wrong for the hidden values (k,)."""
 
     def __init__(self, tutor: Tutor, values: Floats) -> None:
         self._tutor, self._truth = tutor, TruthfulTutor(values)
@@ -145,13 +146,14 @@ class Counted:
     def realised_error_rate(self) -> float:
         """Share of the verdicts that are wrong; nan before the first.
 
-        Calling either of two equal vectors better is not wrong. Calling two that differ equal is.
+        If two vectors are equal, calling one of them better is not wrong. If they differ, "equal"
+        is wrong.
         """
         return self._wrong / self._given if self._given else float("nan")
 
 
 def counts(result: Result) -> dict[str, Any]:
-    """Return a run's questions and comparisons, for one row of a table.
+    """Return a run's numbers of questions and comparisons, for a row of a table.
 
     ``asked_percent_<denominator>`` are questions in percent of comparisons. The denominators are
     "all" comparisons, the "unequal" ones (the vectors differ) and the "open" ones, which dominance
@@ -178,12 +180,12 @@ def counts(result: Result) -> dict[str, Any]:
 
 
 def audits(result: Result, values: ArrayLike) -> dict[str, Any]:
-    """Return the measures of a run's audits.
+    """Return the measures of a run's audits, for a row of a table.
 
-    These are how many there were; the number (from 1) of the first that contradicted the answers,
-    nan if none did; and who was wrong then by the hidden scale ``values`` (k,): the "answers" given
-    before (a model's conclusion from them included), the "audit", or on an exact tie "neither"; ""
-    if none.
+    They are: the number of audits; the number (from 1) of the first audit that contradicted the
+    answers, nan if none did; and who was wrong then, by the hidden scale ``values`` (k,). That is
+    the "answers" given before (including a model's conclusion from them), the "audit", "neither"
+    for an exact tie, or "" without a contradiction.
     """
     row: dict[str, Any] = {
         "audited": result.audited,
@@ -199,10 +201,10 @@ def audits(result: Result, values: ArrayLike) -> dict[str, Any]:
 
 
 def estimated_values(mdp: OrdinalMDP, q: Floats, values: ArrayLike) -> Floats:
-    """Return v (S,) of figure 4: max over admissible a of sum_i Q(s, a)_i e_i.
+    """Return v (S,) of the paper's figure 4: the maximum over actions a of sum_i Q(s, a)_i e_i.
 
-    Q is the discounted counting vector, that is q (S, A, k) shares over 1 - discount, and e the
-    hidden ``values`` (k,) as they are.
+    Q is the discounted counting vector, that is q (S, A, k) shares over 1 - discount. e are the
+    hidden ``values`` (k,) as they are. Only admissible actions count.
     """
     e = np.asarray(values, dtype=np.float64)
     weighted = np.zeros(q.shape[:2])
@@ -215,23 +217,24 @@ def estimated_values(mdp: OrdinalMDP, q: Floats, values: ArrayLike) -> Floats:
 def greatest_reward(mdp: OrdinalMDP, values: ArrayLike) -> float:
     """Return the greatest of the hidden ``values`` (k,) that an admissible action earns.
 
-    It is max r of figure 4's formula.
+    It is max r in the formula of the paper's figure 4.
     """
     return float(np.asarray(values, dtype=np.float64)[mdp.levels[mdp.admissible]].max())
 
 
 def paper_loss(v: Floats, baseline: Floats | float, best: float) -> float:
-    """Return figure 4's percentage of loss, signed: 100 sum_s (v(s) - V(s)) / (|S| max r).
+    """Return the percentage of loss in the paper's figure 4, signed.
 
-    v (S,) and the baseline V (S,) are ``estimated_values`` with and without a preference model.
-    ``best`` is the ``greatest_reward``. The result is nan if that is 0. It compares the values that
-    two runs estimate, not the values of their policies (``planning.policy_loss``).
+    It is 100 sum_s (v(s) - V(s)) / (|S| max r). v (S,) and the baseline V (S,) are
+    ``estimated_values`` with and without a preference model. ``best`` is the ``greatest_reward``;
+    the result is nan if that is 0. It compares the values that two runs estimate, not the values of
+    their policies (``planning.policy_loss``).
     """
     return float(100 * np.mean(v - baseline) / best) if best else float("nan")
 
 
 def reference_differences(mdp: OrdinalMDP, values: ArrayLike) -> Floats:
-    """Return differences (n, k) to set a noisy tutor's precision by.
+    """Return differences (n, k) by which a noisy tutor's precision can be set.
 
     They are Q(s, a) - Q(s, a*) in shares under an optimal policy, for every admissible a that the
     order of the levels alone does not decide.
@@ -247,10 +250,10 @@ def reference_differences(mdp: OrdinalMDP, values: ArrayLike) -> Floats:
 
 
 def summarise(frame: DataFrame) -> DataFrame:
-    """Return one row for each cell, over its seeds, with the mean of each of ``MEASURES``.
+    """Return a row for each cell, with the mean over its seeds of each of ``MEASURES``.
 
-    ``<name>_half`` is half the width of its 95% t-interval (nan from one seed). Runs for which a
-    measure is not defined are left out. So is a measure that the frame has no column for, such as
+    ``<name>_half`` is half the width of its 95% t-interval (nan from a single seed). Runs for which
+    a measure is not defined are left out. So is a measure that the frame has no column for, such as
     ``loss_unasked`` (the loss of ``equal_gaps_policy``) in a file of an earlier version.
 
     ``wrong_percent`` is in percent of the verdicts that a comparator decided, and
@@ -281,8 +284,8 @@ def summarise(frame: DataFrame) -> DataFrame:
 def means(groups: Any, measures: Sequence[str]) -> DataFrame:
     """Return the means of a grouped frame's measures.
 
-    ``<name>_half`` is half the width of the 95% t-interval, nan from one number; numbers that are
-    nan are left out.
+    ``<name>_half`` is half the width of the 95% t-interval, nan from a single number. Numbers that
+    are nan are left out.
     """
     mean, spread, n = (groups[list(measures)].agg(how) for how in ("mean", "std", "count"))
     table: DataFrame = mean.join(_half(spread, n).add_suffix("_half"))
@@ -290,7 +293,7 @@ def means(groups: Any, measures: Sequence[str]) -> DataFrame:
 
 
 def half_width(x: Floats) -> float:
-    """Return half the width of the 95% t-interval of the mean of x (n,); nan from one number."""
+    """Return half the width of the 95% t-interval of the mean of x (n,); nan if n is 1."""
     return float(_half(np.std(x, ddof=1), len(x))) if len(x) > 1 else float("nan")
 
 

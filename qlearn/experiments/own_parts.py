@@ -1,7 +1,7 @@
 """Parts of an ablation that a user brings: names, factories, and what each factory makes.
 
-A factory is given as a function or as "package.module:factory". What it makes is checked for what a
-run needs, and errors name the factory. Imports nothing heavy before something is made.
+A factory is given as a function or as "package.module:factory". Its result is checked for what a
+run needs, and errors name the factory. Importing this module imports nothing heavy.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Own:
-    """A factory of the user's, and the name that it has in tables and pictures.
+    """A user's factory, and its name in tables and pictures.
 
-    Two are equal if their names and their code are.
+    Two objects are equal if their names and their code are.
     """
 
     name: str
@@ -46,9 +46,9 @@ class Own:
         return hash((self.name, self.identity))
 
     def made(self, *arguments: Any, **keywords: Any) -> Any:
-        """Return the result of the factory.
+        """Return the result of a call of the factory.
 
-        Raise ValueError, which names the factory, if it raises an Exception.
+        If it raises an Exception, raise ValueError, which names the factory.
         """
         try:
             return self.factory(*arguments, **keywords)
@@ -59,7 +59,7 @@ class Own:
 
 
 def own_of(text: str) -> Own:
-    """Return the factory of "package.module:factory", or of "name=package.module:factory".
+    """Return the factory for "package.module:factory" or "name=package.module:factory".
 
     Without a name the text is the name. The module is imported. Raise ValueError if there is no
     such module or attribute, or if it cannot be called.
@@ -93,7 +93,7 @@ def own_of(text: str) -> Own:
 
 
 def problem_of(own: Own, seed: int) -> tuple[OrdinalMDP, Floats]:
-    """Return the MDP and the hidden values (k,) of a factory(seed).
+    """Return the MDP and the hidden values (k,) that a factory(seed) makes.
 
     Raise ValueError unless it returns such a pair.
     """
@@ -125,9 +125,9 @@ def problem_of(own: Own, seed: int) -> tuple[OrdinalMDP, Floats]:
 
 
 def comparator_of(own: Own, k: int, seed: int) -> Comparator:
-    """Return the comparator of a factory(k, seed).
+    """Return the comparator that a factory(k, seed) makes.
 
-    Raise ValueError for anything else, and for one of other levels.
+    Raise ValueError for anything else, and for another number of levels.
     """
     from elicit.model.comparator import check_comparator_made
 
@@ -148,7 +148,7 @@ def comparator_of(own: Own, k: int, seed: int) -> Comparator:
 
 
 def learner_of(own: Own, mdp: OrdinalMDP, comparator: Comparator, seed: int) -> Learner:
-    """Return the learner of a factory(mdp, comparator, seed), or raise ValueError."""
+    """Return the learner that a factory(mdp, comparator, seed) makes, or raise ValueError."""
     from qlearn.learners.learner import Learner
 
     made = own.made(mdp, comparator, seed)
@@ -160,10 +160,10 @@ def learner_of(own: Own, mdp: OrdinalMDP, comparator: Comparator, seed: int) -> 
 def tutor_of(
     own: Own, values: Floats, seed: int, reference: Callable[[], Floats]
 ) -> Counted | CountsErrors:
-    """Return the tutor of a factory(values, seed).
+    """Return the tutor that a factory(values, seed) makes.
 
-    The factory may have a third parameter called reference. It then gets ``reference``, the
-    differences (n, k) by which its noise can be set. Raise ValueError if the result is no tutor.
+    If the factory has a third parameter called reference, it gets ``reference``, the differences
+    (n, k) by which its noise can be set. Raise ValueError if the result is no tutor.
     """
     from elicit.model.tutor import CountsErrors
     from qlearn.experiments.metrics import Counted
@@ -178,7 +178,7 @@ def tutor_of(
 
 
 def _named(own: Own, **arguments: Any) -> str:
-    """Return the factory and the arguments of its call, as text."""
+    """Return a call of the factory as text, for messages: its name and its arguments."""
     return (
         f"{own.name!r}: the factory, called with "
         f"{', '.join(f'{name} = {x}' for name, x in arguments.items())},"

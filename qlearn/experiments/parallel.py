@@ -1,6 +1,6 @@
-"""Many runs at once: one function over many cells, on all cores or on a cluster.
+"""Many runs at once: a function applied to many cells, on all cores or on a cluster.
 
-A journal lets the same call go on after an interruption. Only the calling process writes it, so
+A journal lets the same call resume after an interruption. Only the calling process writes it, so
 that workers need no common disk. A row's key is a hash of all that the row depends on. A journal
 may hold rows of other settings, which are left alone. So adding seeds, or going back to earlier
 settings, computes only the missing rows.
@@ -32,7 +32,7 @@ _START = b'{"key": "'  # of every line of a journal
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C during a sweep.
+    """Error for Ctrl-C during a sweep, with the rows that have finished.
 
     ``rows`` has the row of each cell in its place, or None if it had not finished. ``frame`` is the
     table of the finished rows, if the sweep was to make one.
@@ -96,7 +96,8 @@ def sweep(
     shared : mapping
         Keywords that all cells have in common.
     cost : function
-        Cells of the greatest cost begin first, so that no core is left alone with a long one.
+        Gives a cell's cost. The most costly cells begin first, so that no core is left alone with a
+        long one.
     ahead : function
         Takes the cells whose rows are missing and returns functions, importable by workers. They
         are called first, side by side, for work that each process would otherwise do for itself,
@@ -187,7 +188,7 @@ def _plain(value: Any) -> Any:
 def _computed(
     calls: Iterator[tuple[Callable[..., Any], tuple[Any, ...]]], jobs: int | None
 ) -> Generator[Any]:
-    """Yield the results of calls as they come, in any order."""
+    """Yield the results of calls as they finish, in any order."""
     import joblib
     from joblib.parallel import LokyBackend, get_active_backend
 
@@ -197,7 +198,7 @@ def _computed(
         parent = None
         if isinstance(backend, LokyBackend):
             parent = os.getpid()
-            # for numba and what a library starts before it can be told: set where the process
+            # for numba, and for threads that a library starts early: set where the process
             # begins
             stack.enter_context(
                 joblib.parallel_config("loky", n_jobs=jobs, inner_max_num_threads=1)
@@ -237,9 +238,9 @@ def _call(
 
 @cache
 def _end_with(parent: int) -> None:
-    """End this process when its parent is gone.
+    """End this process when its parent process is gone.
 
-    Loky's workers would go on with rows that nobody waits for.
+    Otherwise loky's workers would go on with rows that nobody waits for.
     """
 
     def watch() -> None:
@@ -254,7 +255,7 @@ def _end_with(parent: int) -> None:
 def _journal(
     path: Path, fresh: bool
 ) -> Iterator[tuple[dict[str, Any], Callable[[str, str], None]]]:
-    """Return the rows of a journal by their keys, and a function that appends one.
+    """Return the rows of a journal by their keys, and a function that appends a row.
 
     A row is given as JSON on one line. A last line that was cut short is removed, because its row
     has not finished. Missing folders are made.

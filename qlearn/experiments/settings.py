@@ -1,7 +1,7 @@
 """The settings of the ablation and of the paper's figures.
 
-Each has its default, its range, and its meaning. The command line, its help and all checks are made
-from the fields of these classes. Imports nothing heavy.
+Each setting has its default, its range, and its meaning. The command line, its help and all checks
+are made from the fields of these classes. Importing this module imports nothing heavy.
 """
 
 from __future__ import annotations
@@ -21,14 +21,17 @@ _LIKE: Mapping[type, Any] = {int: numbers.Integral, float: numbers.Real}  # NumP
 
 @dataclass(frozen=True)
 class Number:
-    """Finite numbers of one kind that satisfy ``holds``; ``wanted`` describes them in words."""
+    """A kind of setting: numbers that are finite and satisfy the condition ``holds``.
+
+    ``wanted`` is the condition in words, for messages.
+    """
 
     kind: type[int] | type[float]
     holds: Callable[[Any], bool]
     wanted: str
 
     def value_of(self, given: Any) -> int | float | None:
-        """Return a number as this kind; None if it is none of these numbers."""
+        """Return a number as this type, or None if it is not allowed."""
         if isinstance(given, bool) or not isinstance(given, _LIKE[self.kind]):
             return None
         try:
@@ -40,23 +43,23 @@ class Number:
 
 @dataclass(frozen=True)
 class OneOf:
-    """One of these names, or yes and no."""
+    """A kind of setting: one of some names, or yes and no."""
 
     names: tuple[Any, ...]
 
     @property
     def wanted(self) -> str:
-        """The wanted values, in words."""
+        """The allowed values, in words."""
         return f"one of {', '.join(map(str, self.names))}"
 
     def value_of(self, given: Any) -> Any:
-        """Return the given name, or None if it is not among these."""
+        """Return the given name, or None if it is not allowed."""
         return given if isinstance(given, type(self.names[0])) and given in self.names else None
 
 
 @dataclass(frozen=True)
 class NameOrOwn(OneOf):
-    """One of these names, or the user's own: an ``Own``, or the text of one.
+    """A kind of setting: one of some names, or a user's own part (an ``Own`` or its text).
 
     ``call`` says in words what a factory takes and returns.
     """
@@ -65,7 +68,7 @@ class NameOrOwn(OneOf):
 
     @property
     def wanted(self) -> str:
-        """The wanted values, in words."""
+        """The allowed values, in words."""
         ours = f"one of {', '.join(self.names)}, or " if self.names else ""
         return (
             f'{ours}"package.module:factory", or of a mapping {{name: factory}}, where '
@@ -82,9 +85,9 @@ class NameOrOwn(OneOf):
         return own_of(given) if isinstance(given, str) and ":" in given else None
 
     def named(self, name: Any, given: Any) -> Any:
-        """Return the value of an item of a mapping: one of our names, or the user's own.
+        """Return the value of an item of a mapping: one of our names, or the user's own part.
 
-        Ours is given as the same name, or as ``...``.
+        One of ours is given as the same name, or as ``...``.
         """
         if not isinstance(name, str) or not name:
             return None
@@ -117,20 +120,19 @@ ORDER: Mapping[str, tuple[str, ...]] = {
     "errs": TUTORS,
     "error_rate": NAMED_TUTORS,
 }
-"""The order in which tables and pictures name things; the user's own come after them, as they were
-given.
-"""
+"""The order in which tables and pictures name things. The user's own parts come after them, as they
+were given."""
 OWN = {
     "problem": "problems",
     "learner": "learners",
     "comparator": "comparators",
     "error_rate": "tutors",
 }
-"""The columns of a table that may hold a name of the user's, and the setting that gives it."""
+"""The columns of a table that may hold a user's own name, each with the setting that gives it."""
 
 
 def setting(default: Any, check: Number | OneOf, text: str, may_be_empty: bool = False) -> Any:
-    """Return a field of a class of settings.
+    """Return a field for a class of settings.
 
     A tuple stands for one or more values, each of which is checked. On the command line there may
     be none if ``may_be_empty``. None is allowed if the field's type says so.
@@ -208,15 +210,15 @@ class Settings:
                 object.__setattr__(self, one.name, _checked(one, given))
 
     def own(self) -> dict[str, dict[str, Own]]:
-        """The user's own, by the column of the table and by name."""
+        """The user's own parts, by the column of the table and by name."""
         return {}
 
     def named(self, *names: str) -> dict[str, Any]:
-        """The settings of these names, as keywords."""
+        """Return the settings with these names, as keywords."""
         return {name: getattr(self, name) for name in names}
 
     def of_a_run(self) -> Settings:
-        """Return the settings of a single run, without the plan of many."""
+        """Return the settings that matter to a single run, without the plan of many runs."""
         return Settings(**self.named(*(one.name for one in fields(Settings))))
 
 
@@ -295,11 +297,11 @@ class AblationSettings(Settings):
                 )
 
     def names(self, setting: str) -> tuple[str, ...]:
-        """Return the names of the parts that one of the settings in ``OWN`` holds."""
+        """Return the names in a setting that lists parts, such as comparators."""
         return tuple(one.name if isinstance(one, Own) else one for one in getattr(self, setting))
 
     def own(self) -> dict[str, dict[str, Own]]:
-        """The user's own, by the column of the table and by name."""
+        """The user's own parts, by the column of the table and by name."""
         given = {column: getattr(self, name) for column, name in OWN.items()}
         return {
             column: {one.name: one for one in ones if isinstance(one, Own)}
@@ -311,9 +313,9 @@ class AblationSettings(Settings):
 class FiguresSettings(Settings):
     """The settings of the paper's figures.
 
-    A run differs from those of the ablation in three ways. The tutor answers as in eq. (6). There
-    is no budget, because figures 2 and 3 show the number of questions. Fits are made only when the
-    number of answers has grown by a fifth.
+    Runs differ from those of the ablation in three ways. The tutor answers as in the paper's eq.
+    (6). There is no budget, because figures 2 and 3 show the number of questions. Fits are made
+    only when the number of answers has grown by a fifth.
     """
 
     GROUPS: ClassVar[Mapping[str, tuple[str, ...]]] = {
@@ -370,7 +372,7 @@ class FiguresSettings(Settings):
 
 
 def _checked(one: Field[Any], given: Any) -> Any:
-    """Return the value of a field as its kind has it. Raise ValueError if it is not wanted."""
+    """Return the value of a field, converted by its kind. Raise ValueError if it is not allowed."""
     check = one.metadata["check"]
     many = isinstance(one.default, tuple)
     if many and (isinstance(given, str) or not hasattr(given, "__iter__")):

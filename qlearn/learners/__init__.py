@@ -1,4 +1,4 @@
-"""Solvers that stop when they need the tutor, and what a policy can still lose.
+"""Learners: solvers of an MDP that stop when they need the tutor, and resume with the answer.
 
-Imports from ``mdp`` and elicit.
+This folder imports from ``mdp`` and elicit.
 """

@@ -39,11 +39,11 @@ Tutors: TypeAlias = TutorLike | Mapping[str, TutorLike]
 
 
 class Drivable(Protocol[R_co]):
-    """A learner, or anything else with ``ask``, ``tell`` and ``result``, for ``drive``."""
+    """Anything with ``ask``, ``tell`` and ``result``, such as a learner, that ``drive`` can run."""
 
     @property
     def comparator(self) -> Comparator:
-        """The comparator, which holds what is known of the scale."""
+        """The comparator with all answers learned so far."""
 
     @property
     def implied(self) -> dict[str, Verdict]:
@@ -55,10 +55,10 @@ class Drivable(Protocol[R_co]):
     def tell(
         self, answers: Sequence[Answer], on_conflict: OnConflict = "raise"
     ) -> tuple[Answer, ...]:
-        """Take answers to pending queries. Return the dropped ones."""
+        """Take answers to pending queries. Return those that were dropped."""
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
-        """Let ``signs`` answer from now on, if it can. None: ask."""
+        """Let the function ``signs`` answer from now on, if the learner can use it. None: ask."""
 
     def result(self) -> R_co:
         """Return the result so far."""
@@ -66,10 +66,10 @@ class Drivable(Protocol[R_co]):
 
 @runtime_checkable
 class AsksWithin(Protocol):
-    """A learner whose compiled loop can ask a simulated tutor by itself."""
+    """A learner whose compiled loop can ask a simulated tutor directly."""
 
     def ask_within(self, tutor: AnswersInLoops | None) -> None:
-        """Ask this tutor within the loop from now on, if the results stay the same."""
+        """Ask this tutor from within the loop from now on, if the results stay the same."""
 
 
 def drive(
@@ -93,17 +93,18 @@ def drive(
         of each by name: ``{"ann": tutor, "ben": another}``.
     log : AnswerLog, optional
         Every answer goes there before the learner is told. If the tutor raises an error, or is
-        interrupted, at one of several questions (``batch``), the earlier answers are logged and
-        told nevertheless. AlwaysAsk with a simulated tutor asks so much that only counts are kept.
+        interrupted, at one of several questions (``batch``), the earlier answers are still logged
+        and told. AlwaysAsk with a simulated tutor asks so much that only counts are kept.
     progress : function, optional
         Called with the Result so far after every round of questions.
     on_conflict : {"raise", "drop"}
         An answer that contradicts the others is marked unused in the log. Then it raises
         InconsistentAnswers, or with "drop" decides its own pair only.
     seed : optional
-        Draws the sides. The tutor is shown a random half of the pairs right to left, so that a
-        liking for one side favours no policy. Answers are told and logged in terms of the learner's
-        own left, with ``swapped`` for exchanged pairs. None: the sides are drawn anew each time.
+        Draws the sides. The tutor sees a random half of the pairs with left and right exchanged, so
+        that a preference for one side favours no policy. Answers are told and logged in terms of
+        the learner's own left, with ``swapped`` for exchanged pairs. None: the sides are drawn anew
+        each time.
 
     Raises
     ------
@@ -147,7 +148,7 @@ def drive(
 
 
 def _check_learner(learner: object, tutor: object) -> None:
-    """Raise TypeError unless the learner can be asked and told."""
+    """Raise TypeError unless the learner has ``ask``, ``tell`` and ``result``."""
     parts = ("ask", "tell", "comparator")
     lacking = [part for part in parts if not hasattr(learner, part)]
     if not lacking and not isinstance(learner, type):
@@ -165,10 +166,10 @@ def _check_learner(learner: object, tutor: object) -> None:
 
 
 def _signs_of(tutor: TutorLike) -> Callable[[ArrayLike], NDArray[np.int8]] | None:
-    """Return the tutor's way to answer many questions at once, or None if it has none.
+    """Return the tutor's ``signs``, which answers many questions at once, or None.
 
-    It is also None if the tutor's way to answer a single question belongs to a derived class, or
-    wraps the tutor that has ``signs``. That way would be left out.
+    It is None if the tutor has none. It is also None if a derived class or a wrapper changes how a
+    single question is answered, because ``signs`` would ignore that.
     """
     if isinstance(tutor, TutorOfMany):
         for place in (tutor, *type(tutor).__mro__):
@@ -181,7 +182,7 @@ def _signs_of(tutor: TutorLike) -> Callable[[ArrayLike], NDArray[np.int8]] | Non
 
 
 def _by_sides(tutor: TutorLike, seed: Seed | None) -> Callable[[Query], Answer]:
-    """Return the tutor, to whom half of the queries are shown right to left."""
+    """Return a tutor that shows the given tutor half of the queries with sides exchanged."""
     key = key_of(seed_of(seed))
 
     def ask(query: Query) -> Answer:
@@ -199,7 +200,7 @@ def _by_sides(tutor: TutorLike, seed: Seed | None) -> Callable[[Query], Answer]:
 
 
 def exchanged(query: Query) -> Query:
-    """Return the query with left and right exchanged, also in its text, which begins with left."""
+    """Return the query with left and right exchanged, also in its text."""
     return replace(query, left=query.right, right=query.left, about=_exchanged_text(query.about))
 
 
@@ -248,7 +249,7 @@ def _log_and_tell(
     log: AnswerLog | None,
     on_conflict: OnConflict,
 ) -> None:
-    """Log answers, then tell them to the learner."""
+    """Log the answers, and then tell them to the learner."""
     if not answers:
         return
     if log is not None:

@@ -1,4 +1,4 @@
-"""A budget of questions: the loss bounds that so many questions are likely to prove."""
+"""Planning of a question budget: loss bounds that a number of questions is likely to prove."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _FEWEST = 3  # fewest runs: the range of fewer says nothing
 
 @dataclass(frozen=True, eq=False)
 class ExpectedBounds:
-    """Loss bounds of simulated sessions that end after so many questions.
+    """Loss bounds at the end of simulated sessions with a budget of questions.
 
     Attributes
     ----------
@@ -68,9 +68,9 @@ class ExpectedBounds:
 
     @property
     def coverage(self) -> float:
-        """Probability that one more such session ends between ``least`` and ``most``.
+        """Probability that another such session ends between ``least`` and ``most``.
 
-        It is (runs - 1) / (runs + 1), if the hidden scale is like those that were drawn and the
+        It is (runs - 1) / (runs + 1), if the hidden scale is like those that were drawn, and the
         tutor like the simulated ones.
         """
         return (len(self.bounds) - 1) / (len(self.bounds) + 1)
@@ -97,10 +97,10 @@ def expected_bounds(
     seed: Seed | None = None,
     **learner: Any,
 ) -> ExpectedBounds:
-    """Simulate sessions to see what so many questions are likely to prove.
+    """Simulate sessions to see what a number of questions is likely to prove.
 
-    Use it to plan: how many questions are worth the time of the tutor? It may be called again in
-    the middle of a session, with the comparator that knows the answers so far.
+    Use it to plan: how many questions are worth the tutor's time? You can call it again in the
+    middle of a session, with the comparator that knows the answers so far.
 
     Parameters
     ----------
@@ -111,10 +111,10 @@ def expected_bounds(
     questions : int
         The budget, at least 1.
     runs : int
-        Number of simulated sessions, at least 3. With a polytope one takes about a second, and with
-        a posterior ten times as long.
+        Number of simulated sessions, at least 3. A session takes about a second with a polytope,
+        and ten times as long with a posterior.
     seed : optional
-        An int gives the same sessions again.
+        The same int gives the same sessions.
     **learner
         Settings of ``InteractivePolicyIteration``, such as ``tolerance`` and ``bags``.
 
@@ -131,9 +131,9 @@ def expected_bounds(
 
     Notes
     -----
-    In each session a scale is drawn from those that are plausible by the comparator. The tutor
-    answers truthfully by it, but flips answers as often as the comparator assumes that answers are
-    given at random and wrong: half its ``lapse``.
+    Each session draws a scale from those that the comparator holds plausible. The tutor answers
+    truthfully by that scale, but flips a share of the answers: half of the comparator's ``lapse``,
+    because half of the answers given at random are wrong.
 
     Examples
     --------
@@ -171,7 +171,7 @@ def expected_bounds(
 
 
 def _truthful(gaps: Floats, query: Query) -> Answer:
-    """Answer by a scale of these gaps (k - 1,), which need not rise from level to level."""
+    """Return the true answer for a scale with gaps (k - 1,), some of which may be negative."""
     worth = float(product(tail_sums(query.d[None]), gaps)[0])
     return Answer(query, Verdict(int(np.sign(worth))))
 

@@ -1,4 +1,4 @@
-"""Exploration of Q-learning: the standard ways, by name."""
+"""The ways in which Q-learning explores: settings, and the standard ones by name."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ Start: TypeAlias = Literal["worst", "zero", "best"]
 class Decay:
     """A probability of exploring that falls in a straight line.
 
-    It falls from ``first`` to ``last`` over the first ``share`` of the steps, and stays there. All
-    three lie in 0..1, share above 0.
+    It falls from ``first`` to ``last`` over the first ``share`` of the steps, and stays at
+    ``last``. All three lie in 0..1, and ``share`` is above 0.
     """
 
     first: float = 1.0
@@ -29,7 +29,7 @@ class Decay:
     share: float = 0.5
 
     def __call__(self, steps: NDArray[np.int64]) -> Floats:
-        """Return the probability of exploring in each of the steps 0, 1, ... (n,) of a run."""
+        """Return the probability of exploring in each of the steps 0, 1, ... (n,)."""
         over = max(1.0, self.share * len(steps))
         return np.asarray(
             self.first + (self.last - self.first) * np.minimum(1.0, steps / over), dtype=np.float64
@@ -46,9 +46,8 @@ class Decay:
 
 
 Epsilon: TypeAlias = float | Decay | Callable[[NDArray[np.int64]], Floats]
-"""A constant chance, or a function from the numbers (n,) of all steps of a run to the chance in
-each.
-"""
+"""A constant probability, or a function from the numbers (n,) of a run's steps to the probability
+in each."""
 
 
 @dataclass(frozen=True)
@@ -58,15 +57,15 @@ class Exploration:
     Parameters
     ----------
     epsilon : float, Decay or function
-        Probability of a uniformly drawn action. At 1 the agent never follows the actions that it
-        has learned, and all comparators see the same transitions. Q-learning learns the best policy
-        nevertheless.
+        Probability of an action drawn uniformly. At 1 the agent never follows the actions that it
+        has learned, and all comparators see the same transitions. Q-learning still learns the best
+        policy.
     start : {"worst", "zero", "best"}
-        The start of all vectors. "worst": all mass on the worst level. "best": all on the best one,
-        which makes untried actions look good (optimism). "zero": the paper's line 4. Then totals
-        differ for long, so that early questions are ill-posed.
+        The first estimate of all vectors. "worst": all mass on the worst level. "best": all on the
+        best level, which makes untried actions look good (optimism). "zero": as in the paper's line
+        4. Then totals differ for a long time, so that early questions are ill-posed.
     episode_length : int, optional
-        Restart from the MDP's initial distribution after so many steps. None: restart in terminal
+        Restart from the MDP's initial distribution after this many steps. None: restart in terminal
         states only.
     """
 
@@ -90,13 +89,12 @@ EXPLORATIONS: Mapping[str, Exploration] = MappingProxyType(
         "uniform": Exploration(1.0, start="best"),
     }
 )
-"""The choices that have a name; ``python -m benchmarks.paper.exploration`` measures what each leads
-to.
-"""
+"""The ways to explore that have a name; ``python -m benchmarks.paper.exploration`` measures their
+results."""
 
 
 def exploration_of(choice: Epsilon | Exploration | str | None) -> Exploration:
-    """Return an exploration itself, the one of that name, or "constant" with that epsilon.
+    """Return an Exploration, given as itself, by its name, or by a value of epsilon.
 
     None stands for "optimistic". Raise ValueError if there is no such name.
     """
@@ -116,10 +114,9 @@ def exploration_of(choice: Epsilon | Exploration | str | None) -> Exploration:
 
 
 def epsilons(epsilon: Epsilon, steps: int) -> Floats:
-    """Return the probability of exploring in each step.
+    """Return the probability of exploring in each step, (steps,), or (1,) if it is constant.
 
-    It is (1,) if it is constant, else (steps,), with at least one entry. Raise ValueError unless
-    all lie in 0..1.
+    Raise ValueError unless all lie in 0..1.
     """
     return schedule(
         epsilon,
@@ -129,10 +126,10 @@ def epsilons(epsilon: Epsilon, steps: int) -> Floats:
 
 
 def schedule(choice: object, n: int, wanted: str, *, positive: bool = False) -> Floats:
-    """Return a number itself, as (1,), or the values of a function for 0, 1, ... n - 1.
+    """Return a number as (1,), or the values of a function for 0, 1, ... n - 1 as (n,).
 
-    A function is called for 0 at least. Raise ValueError, which says what is ``wanted``, unless all
-    values lie in 0..1. If ``positive``, they must be above 0.
+    If n is 0 the function is still called for 0. Raise ValueError, which says what is ``wanted``,
+    unless all values lie in 0..1, and with ``positive`` above 0.
     """
     if not (callable(choice) or is_number(choice)):
         raise ValueError(f"{wanted}, not {choice!r}")

@@ -34,10 +34,10 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 
 def place(mdp: OrdinalMDP, state: int, a: int, b: int) -> tuple[str, str, tuple[int, int, int]]:
-    """Return the place at which actions a and b are compared.
+    """Return the place at which actions a and b are compared: its names.
 
-    It has the sentences that ask about them, with a left and with b left, and the numbers of the
-    state and of the actions.
+    The names are the sentence that asks about the actions with a on the left, the same with b on
+    the left, and the numbers of the state and of the actions.
     """
     return _sentence(mdp, state, a, b), _sentence(mdp, state, b, a), (state, min(a, b), max(a, b))
 
@@ -56,19 +56,22 @@ def pair_of(
     b: int,
     tier: int = int(Tier.TUTOR),
 ) -> Pair:
-    """Return the pair of the vectors of actions a (left) and b (right), to ask about."""
+    """Return the question which of two actions, a and b, is better at a state.
+
+    ``left`` (k,) is the vector of a, and ``right`` (k,) that of b.
+    """
     sentences = place(mdp, state, a, b)
     return Pair(left, right, sentences[0], sentences, tier)
 
 
 def state_of(pair: Pair) -> int:
-    """Return the state at which the actions of a pair that ``pair_of`` made are compared."""
+    """Return the state at which a pair made by ``pair_of`` compares two actions."""
     _, _, numbers = pair.place
     return cast(tuple[int, int, int], numbers)[0]
 
 
 def check_problem(mdp: OrdinalMDP, comparator: Comparator) -> None:
-    """Raise TypeError for anything but an MDP and a comparator.
+    """Raise TypeError unless the arguments are an MDP and a comparator.
 
     Raise ValueError if their numbers of levels differ.
     """
@@ -110,7 +113,7 @@ def check_tolerance(tolerance: float) -> float:
 
 
 def check_max_loss(max_loss: float | None) -> float | None:
-    """Return ``max_loss``.
+    """Return ``max_loss``, after a check.
 
     Raise ValueError unless it is None or a share of the value range, below 1.
     """
@@ -121,28 +124,28 @@ def check_max_loss(max_loss: float | None) -> float | None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
-    """A learner's policy and counts so far.
+    """A learner's policy and counts so far, with a bound on the policy's loss.
 
-    ``print(result)`` gives them in words, with the bound on the policy's loss.
+    ``print(result)`` says them in words.
 
     Attributes
     ----------
     policy : (S,)
-        Actions.
+        The action in each state.
     asked : int
         Number of questions to the tutor, without audits.
     decided : (len(Tier),)
-        Number of comparisons by tier.
+        Number of comparisons that each tier (kind of proof) decided.
     shares : (S, A, k) or function
         ``q``, or a function that computes it when it is first read.
     guarantee : function
         Computes the loss bound.
     rounds : int
-        Steps, sweeps, or policies solved for.
+        Number of steps of Q-learning, of sweeps of value iteration, or of policies solved for.
     mdp : OrdinalMDP
         The problem, by whose names of states and actions the policy is printed.
     tolerance, budget
-        The tolerance and the budget of questions that the learner was given, None if it has none.
+        The tolerance and the budget of questions that the learner was given; None if it has none.
     """
 
     policy: NDArray[np.int64]
@@ -162,11 +165,10 @@ class Result:
     budget: int | None = None
 
     def __str__(self) -> str:
-        """Return the status, the number of questions, what the loss bound means, and the policy.
+        """Return the status, the number of questions, the loss bound in words, and the policy.
 
-        The policy is left out if the problem names neither states nor actions.
-
-        Computing the bound may take long on a large model.
+        The policy is left out if the problem names neither states nor actions. Computing the bound
+        may take long on a large model.
         """
         questions = (
             "1 question was asked" if self.asked == 1 else f"{self.asked:,} questions were asked"
@@ -209,11 +211,10 @@ class Result:
     def loss_bound(self) -> float:
         """Upper bound on the policy's loss at the worst state, as a share of the value range.
 
-        It is nan if there is none.
-
         The loss is (1 - discount) times the loss of return against the best policy, divided by the
         value of the best level minus that of the worst. The bound is computed from the MDP's
-        transition probabilities, also if the learner only samples them.
+        transition probabilities, even if the learner only samples them. It is nan if there is no
+        bound.
         """
         return float(self._guaranteed.loss_bound)
 
@@ -235,8 +236,9 @@ class Result:
     def confidence(self) -> float:
         """The probability that ``loss_bound`` holds.
 
-        1: no scale that fits the answers allows more (the answers must be right). The comparator's
-        level for a posterior. nan if none can be stated.
+        It is 1 if no scale that fits the answers allows a greater loss, given that the answers are
+        right. For a posterior it is the comparator's level. It is nan if no probability can be
+        stated.
         """
         return float(self._guaranteed.confidence)
 
@@ -246,7 +248,7 @@ class Result:
 
     @property
     def member_loss_bounds(self) -> dict[str, float]:
-        """Upper bounds on what the policy costs each member of a panel, by name.
+        """Upper bounds on the policy's loss to each member of a panel, by name.
 
         Each is under the member's own scale, at the worst state, as a share of the value range.
         Without a panel there are none.
@@ -308,11 +310,11 @@ class Result:
 
     @property
     def tie_warning(self) -> str:
-        """A sentence if so many answers are "equal" that the tutor's ties may be too wide, else "".
+        """A warning if many answers "equal" may make the bound unreliable, else "".
 
         A proven loss bound allows for a tutor who calls equal a difference of up to twice the
-        comparator's ``tie``. Nothing in the answers shows whether "equal" reaches farther. The
-        posterior learns how far it reaches, and several answers may be needed for that.
+        comparator's ``tie``. The answers do not show whether the tutor calls larger differences
+        equal. The posterior learns that, and may need several answers for it.
         """
         given = len(self.answers)
         equal = int(np.count_nonzero(self.answers.y == Verdict.EQUAL))
@@ -336,9 +338,9 @@ class Result:
     def outlook(self) -> str:
         """A sentence if the tutor errs too much for the tolerance to be reached, else "".
 
-        It is said early, from 30 answers on. It needs a budget of questions (``max_queries``) and a
-        comparator that learns the tutor's precision. The tolerance that it calls possible is a
-        rough figure; ``loss_bound`` is what holds.
+        It appears from 30 answers on. It needs a budget of questions (``max_queries``) and a
+        comparator that learns the tutor's precision. The tolerance that it calls possible is rough;
+        what holds is ``loss_bound``.
         """
         ended = self.status in (Status.CONVERGED, Status.CERTIFIED, Status.BOUNDED)
         if self.tolerance is None or self.budget is None or ended:
@@ -354,12 +356,12 @@ class Result:
 
     @property
     def audited(self) -> int:
-        """The number of decided comparisons that were put to the tutor."""
+        """The number of decided comparisons that were still put to the tutor, to find errors."""
         return len(self.audits)
 
     @property
     def compared(self) -> int:
-        """All comparisons, whoever decided them."""
+        """The number of all comparisons, by proof or by the tutor."""
         return sum(self.decided.values())
 
 
@@ -373,9 +375,9 @@ def _rounded_up(x: float) -> str:
 
 
 class Learner:
-    """A solver that stops when it needs the tutor.
+    """A solver of an MDP that stops when it needs the tutor: base class of all learners.
 
-    All learners leave to their elicitation the parts that they have in common.
+    What learners have in common is done by their ``Elicitation``.
     """
 
     needs: ClassVar[Needs] = Elicitation.needs | BOUNDING
@@ -394,7 +396,8 @@ class Learner:
     def ask(self) -> tuple[Query, ...]:
         """Return the pending queries, or () when finished.
 
-        They are the same until they are answered. The learner goes on as far as it needs no tutor.
+        The learner first runs as far as it can without the tutor. The queries stay the same until
+        they are answered.
         """
         self._act()
         return self._elicitation.ask() or self._go_on()
@@ -403,12 +406,12 @@ class Learner:
     def tell(
         self, answers: Sequence[Answer], on_conflict: OnConflict = "raise"
     ) -> tuple[Answer, ...]:
-        """Take answers to pending queries. Return the dropped ones.
+        """Take answers to pending queries. Return those that were dropped.
 
         With ``on_conflict="drop"`` an answer that contradicts the others decides its own pair only,
         and is returned. Otherwise InconsistentAnswers is raised. An answer to another query raises
-        StaleAnswer. If an error is raised, nothing has changed. If it is interrupted (Ctrl+C),
-        either nothing has changed, or the answers were taken: ``ask`` then goes on from them.
+        StaleAnswer. If an error is raised, nothing has changed. If Ctrl+C interrupts it, either
+        nothing has changed, or the answers were taken and ``ask`` goes on from them.
         """
         self._act()
         _, dropped = self._elicitation.tell(answers, on_conflict)
@@ -416,17 +419,17 @@ class Learner:
         return dropped
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
-        """Let ``signs`` answer from now on: its answers are counted, not logged.
+        """Let the function ``signs`` answer from now on. Its answers are counted, not logged.
 
-        It is a function from differences (n, k) to verdicts (n,). None: ask.
+        It maps differences (n, k) to verdicts (n,). None: ask the tutor.
         """
         self._elicitation.signs = signs
 
     def watch(self, watcher: Watcher) -> None:
-        """Call ``watcher(d, decisions)`` with batches of the comparisons acted on.
+        """Call ``watcher(d, decisions)`` with batches of the comparisons that were acted on.
 
-        Q-learning passes those that neither equality nor dominance decided, policy iteration the
-        questions answered.
+        For Q-learning these are comparisons that neither equality nor dominance decided. For policy
+        iteration they are the questions answered.
         """
         self._elicitation.watch = watcher
 
@@ -437,32 +440,32 @@ class Learner:
 
     @property
     def comparator(self) -> Comparator:
-        """The comparator, which holds what is known of the scale."""
+        """The comparator with all answers learned so far."""
         return self._elicitation.comparator
 
     def result(self) -> Result:
-        """Return the policy and the counts at any time."""
+        """Return the policy and the counts. It may be called at any time."""
         raise NotImplementedError
 
     def _go_on(self) -> tuple[Query, ...]:
-        """Go on to the next queries, or to the end."""
+        """Run on, and return the next queries, or () at the end."""
         raise NotImplementedError
 
     def _act(self) -> None:
-        """Act on the answers, once. After an interruption, act on all of them again."""
+        """Act on the answers. After an interruption, act on all of them again."""
         if self._elicitation.to_act_on:
             self._take(self._elicitation.to_act_on)
             self._elicitation.to_act_on = ()
 
     def _take(self, told: Sequence[AnsweredQuery]) -> None:
-        """Act on the verdicts. Doing so twice must have the same effect as once."""
+        """Act on the verdicts. Doing it twice must have the same effect as once."""
 
     def _certified(
         self, mdp: OrdinalMDP, policy: NDArray[np.int64], max_loss: float | None
     ) -> bool:
-        """Return whether no plausible scale lets the policy (S,) lose more than ``max_loss``.
+        """Return whether the policy (S,) certainly loses at most ``max_loss``.
 
-        It is also False if the same policy and the same answers were tried last time.
+        The same policy with the same answers is not tried twice in a row: then the result is False.
         """
         comparator, last = self.comparator, self._bounded
         if max_loss is None or (
@@ -484,10 +487,10 @@ class Learner:
         guarantee: Callable[[], Guarantee] | None = None,
         tolerance: float | None = None,
     ) -> Result:
-        """Return the Result of this policy, which must stay as it is.
+        """Return the Result of this policy, an array that must not change afterwards.
 
-        ``more`` (len(Tier),) are comparisons beside those that the elicitation counted. Without a
-        status the learner waits for the tutor.
+        ``more`` (len(Tier),) are comparisons in addition to those that the elicitation counted.
+        Without a status the learner waits for the tutor.
         """
         elicitation = self._elicitation
         return Result(
@@ -515,7 +518,7 @@ class Learner:
 def _of_members(
     mdp: OrdinalMDP, policy: NDArray[np.int64], comparator: Comparator
 ) -> dict[str, Guarantee]:
-    """Return the guarantee of a policy (S,) for each member of a panel."""
+    """Return a policy's guarantee for each member of a panel, by name."""
     if not isinstance(comparator, Panel):
         return {}
     return {name: loss_bound(mdp, policy, member) for name, member in comparator.members.items()}

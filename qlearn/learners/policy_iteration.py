@@ -1,4 +1,4 @@
-"""Interactive policy iteration: solve for one scale, ask what could change the policy."""
+"""Interactive policy iteration: solve for one scale, and ask what could still change the policy."""
 
 from __future__ import annotations
 
@@ -98,19 +98,19 @@ class InteractivePolicyIteration(Learner):
         Once most plausible scales agree on the policy, also ask about two mixtures of levels that
         are made to close several advantages at once (``elicit.asking.cuts``), if that promises
         twice as much as the strategy's own question. It needs proven bounds, one question at a
-        time, no bags, and a tutor who calls no pair equal and can tell all. Default: wherever that
-        holds, whatever the strategy. ``True`` raises where it cannot hold.
+        time, no bags, and a tutor who calls no pair equal and can tell all. Default: used whenever
+        these conditions hold. ``True`` raises an error if they cannot hold.
     exact : bool, optional
         True: every round solves the MDP and looks at all states. False: a round only improves the
-        last solution, and looks at a sample of states, until the sample no longer refutes the
-        tolerance. Then all advantages are bounded. The bound allows for the inexact solution.
-        Default: True up to ``LARGE`` states. If the comparator leaves the order of two levels open,
-        rounds are exact in any case. With False, ``Result.decided`` counts the alternatives that
-        were looked at, and at the end all of them.
+        last solution, and looks at a sample of states, as long as the sample shows that the
+        tolerance is not reached. Then all advantages are bounded. The bound allows for the inexact
+        solution. Default: True up to ``LARGE`` states. If the comparator leaves the order of two
+        levels open, rounds are always exact. With False, ``Result.decided`` counts the alternatives
+        that were looked at, and at the end all of them.
     **asking
         The options of ``elicit.AskingOptions``. The seed picks audits and samples of states. An
-        advantage that no plausible scale puts above ``indifference`` is not asked about; the
-        default is tolerance (1 - discount), and with more the tolerance may be out of reach. Audits
+        advantage is not asked about if no plausible scale puts it above ``indifference``. The
+        default is tolerance (1 - discount). With more, the tolerance may be out of reach. Audits
         are of pairs that the finished policy depends on.
 
     Raises
@@ -118,7 +118,7 @@ class InteractivePolicyIteration(Learner):
     TypeError
         If a keyword is unknown.
     ValueError
-        If a setting makes no sense, or ``cuts=True`` is given where no cut could be asked about.
+        If a setting makes no sense, or ``cuts=True`` is given and no cut could be asked about.
     """
 
     needs = Learner.needs | Needs(
@@ -191,7 +191,7 @@ class InteractivePolicyIteration(Learner):
         ) = None
 
     def _go_on(self) -> tuple[Query, ...]:
-        """Return the next questions; none at the end. ``Learner.ask`` calls it."""
+        """Return the next questions, or none at the end. ``Learner.ask`` calls it."""
         if self._end is not None:
             return ()
         for look in (self._round, self._look_further):
@@ -227,8 +227,8 @@ class InteractivePolicyIteration(Learner):
     def result(self) -> Result:
         """Return the policy for the central scale, its loss bound, and the counts so far.
 
-        ``decided`` counts the current policy's alternatives by what decided them, and the
-        questions. Asking for a result changes no later question.
+        ``decided`` counts the alternatives to the current policy by the tier that decided them, and
+        the questions. Asking for a result changes no later question.
         """
         rounds, advantages, found = self._present()
         comparator = self._elicitation.comparator
@@ -249,16 +249,14 @@ class InteractivePolicyIteration(Learner):
         )
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
-        """Do nothing: each question is asked and logged.
-
-        That is so also for a comparator that never learns.
-        """
+        """Do nothing. This learner asks and logs every question, whatever the comparator."""
 
     def _present(self) -> tuple[ExactRounds | SampledRounds, Advantages, Guarantee]:
-        """Return the rounds after one with what is known now, and that round.
+        """Return the rounds, advantages and guarantee for what is known now.
 
-        While only some of several questions are answered, ``ask`` will never see this comparator. A
-        round of the learner's own would then change its next questions, so a copy makes it.
+        If only some of several pending questions are answered, the comparator is one that ``ask``
+        will never use. A round with it would change the learner's next questions, so it is made on
+        a copy.
         """
         comparator = self._elicitation.comparator
         if not self._elicitation.pending or (
@@ -275,7 +273,7 @@ class InteractivePolicyIteration(Learner):
     def _round(self) -> tuple[Advantages, Guarantee]:
         """Return the advantages over the current policy, and its loss bound.
 
-        The bound is inf if it exceeds what is enough.
+        The bound is inf if it exceeds the tolerance, so that the learner has to go on.
         """
         comparator = self._elicitation.comparator
         if self._found is None or self._found[0] is not comparator:
@@ -283,9 +281,9 @@ class InteractivePolicyIteration(Learner):
         return self._found[1:]
 
     def _look_further(self) -> tuple[Advantages, Guarantee]:
-        """Return the same after a look at more states.
+        """Return the result of ``_round`` after looking at more states.
 
-        It is for when nothing seen so far may be asked about.
+        This is needed if nothing seen so far may be asked about.
         """
         comparator = self._elicitation.comparator
         self._found = comparator, *self._rounds.look_further(comparator)
@@ -294,8 +292,8 @@ class InteractivePolicyIteration(Learner):
     def _open_pairs(self, advantages: Advantages) -> NDArray[np.int64]:
         """Return rows of the advantages that could still change the policy and may be asked about.
 
-        These are the ones that some plausible scale puts above the limit. If there are none and
-        scales are drawn, all draws count, also those that the comparator leaves out.
+        These exceed the limit under some plausible scale. If there are none and scales are drawn,
+        all draws count as plausible, also those that the comparator leaves out.
         """
         comparator, places = self._elicitation.comparator, partial(self._place, advantages)
         limit = self._elicitation.indifference
@@ -310,7 +308,7 @@ class InteractivePolicyIteration(Learner):
                 (product(tail_sums(advantages.d), draws_of(comparator).gaps) > least).any(axis=1)
             )
             rows = rows[self._elicitation.may_ask(advantages.d[rows], lambda i: places(rows[i]))]
-        if self._magnify:  # the multiple is what was asked, and a multiple counts as another pair
+        if self._magnify:  # the multiple was asked, and a multiple counts as another pair
             asked = advantages.d[rows] * np.reshape(self._times(advantages, rows), (-1, 1))
             rows = rows[self._elicitation.may_ask(asked, lambda i: places(rows[i]))]
         return rows
@@ -326,11 +324,12 @@ class InteractivePolicyIteration(Learner):
         )
 
     def _mixtures(self, advantages: Advantages) -> Pair | None:
-        """Return a question about a level and a mixture of two others.
+        """Return a question about a level and a mixture of two other levels, or None.
 
-        It is for when each pair of actions that matters has been asked about, and the tutor may
-        have erred: asked again they might err again. None where such a question tells nothing of
-        the signs of the advantages in question, or where pairs are asked about as they are.
+        Such questions are for a tutor who may have erred, once every pair of actions that matters
+        was asked about: asking the same pair again might give the same error. The result is None if
+        none of them tells anything about the signs of the open advantages, or if the setting is to
+        ask about pairs as they are.
         """
         elicitation, k = self._elicitation, self._mdp.k
         if not self._magnify or drawn_set(elicitation.comparator) is None or elicitation.gave_up:
@@ -352,9 +351,9 @@ class InteractivePolicyIteration(Learner):
         candidates: Candidates,
         instead: Floats,
     ) -> Pair | None:
-        """Return a question that closes more of the advantages than ``instead`` (k,) would.
+        """Return a cut: a question that closes more of the advantages than ``instead`` (k,) would.
 
-        None if there is none, or no cut can be asked about.
+        The result is None if there is none, or no cut may be asked.
         """
         elicitation, scores = self._elicitation, candidates.scores
         plain = not (
@@ -394,7 +393,7 @@ class InteractivePolicyIteration(Learner):
     def _deciding_tiers(self, advantages: Advantages) -> NDArray[np.int8]:
         """Return the tiers (n,) that decided that the policy's alternatives are no better.
 
-        Open ones are left out, unless the budget is spent.
+        Undecided alternatives are left out, unless the question budget is spent.
         """
         verdicts, tiers = decide(self._elicitation.comparator, advantages.d)
         rows = np.flatnonzero(verdicts == Verdict.UNKNOWN)
@@ -405,7 +404,7 @@ class InteractivePolicyIteration(Learner):
         )
 
     def _audit(self, advantages: Advantages, found: Guarantee) -> tuple[Query, ...]:
-        """Audit some of what the proof depends on; without audits, end."""
+        """Audit some of the pairs that the proof depends on; without audits, end."""
         if self._elicitation.asking_state().audit:
             advantages = self._rounds.some_of(advantages)
             decisions = self._elicitation.decide(advantages.d, partial(self._place, advantages))
@@ -424,7 +423,7 @@ class InteractivePolicyIteration(Learner):
     def _open(
         self, advantages: Advantages, rows: NDArray[np.int64], tiers: Tiers | None = None
     ) -> tuple[Query, ...]:
-        """Ask about these rows. An audit gives the tiers (n,) that decided all rows."""
+        """Ask about these rows of the advantages. For audits, ``tiers`` (n,) decided all rows."""
         return self._elicitation.open(
             [
                 self._pair(advantages, row, Tier.TUTOR if tiers is None else tiers[row])
@@ -433,7 +432,7 @@ class InteractivePolicyIteration(Learner):
         )
 
     def _pair(self, advantages: Advantages, row: int, tier: int = Tier.TUTOR) -> Pair:
-        """Return the pair of an action's vector and the policy's, at the state of this row."""
+        """Return the question about an alternative action and the policy's, for a row."""
         s, a = int(advantages.states[row]), int(advantages.actions[row])
         left = q_of(np.array([s]), advantages.v, model_of(self._mdp))[0, a]
         pair = pair_of(self._mdp, left, advantages.v[s], s, a, int(advantages.policy[s]), int(tier))
@@ -443,7 +442,7 @@ class InteractivePolicyIteration(Learner):
         return magnified(pair._replace(about=named[0], place=named))
 
     def _times(self, advantages: Advantages, rows: NDArray[np.int64]) -> Floats | float:
-        """Return by how much each row's difference is multiplied where it is asked about."""
+        """Return the factor by which each row's difference is multiplied in a question."""
         if not self._magnify:
             return 1.0
         values = advantages.v[advantages.states[rows]]
@@ -460,7 +459,7 @@ class InteractivePolicyIteration(Learner):
 
 
 def _check_cuts(comparator: Comparator, bags: Bags | None, batch: int) -> None:
-    """Raise ValueError if no cut could be asked about, though cuts=True was given."""
+    """Raise ValueError if ``cuts=True`` was given, but no cut could be asked."""
     advice = "leave cuts out, or say cuts=False, to ask about pairs only"
     if bags is not None:
         raise ValueError(

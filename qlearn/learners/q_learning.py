@@ -1,4 +1,4 @@
-"""Interactive Q-learning (Algorithm 1) with any comparator, as ask and tell."""
+"""Interactive Q-learning (the paper's Algorithm 1) with any comparator, as ask and tell."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ LearningRate: TypeAlias = float | Callable[[NDArray[np.int64]], Floats]
 
 
 def rescaled_linear_rate(discount: float) -> Callable[[NDArray[np.int64]], Floats]:
-    """Return the default learning rate (H + 1) / (H + 1 + visits).
+    """Return the default learning rate (H + 1) / (H + 1 + visits), as a function of visits.
 
     ``visits`` is the number of earlier visits, and H = 1 / (1 - discount) the effective horizon
     (Jin, Allen-Zhu, Bubeck and Jordan 2018). The rate falls slowly enough to forget the start.
@@ -58,16 +58,16 @@ _FIRST_PIECE = (
 
 
 class InteractiveQLearning(Learner):
-    """Algorithm 1: epsilon-greedy Q-learning on share vectors.
+    """Epsilon-greedy Q-learning on share vectors, the paper's Algorithm 1.
 
-    It asks the tutor about a pair of actions that the comparator cannot decide. Learning samples
+    It asks the tutor about each pair of actions that the comparator cannot decide. Learning samples
     the MDP's transitions. Only ``Result.loss_bound`` reads their probabilities.
 
     Parameters
     ----------
     mdp : OrdinalMDP
     comparator : Comparator
-        The knowledge of the scale so far. Its number of levels must be the MDP's.
+        What is known of the scale so far. Its number of levels must be the MDP's.
     steps : int
         Number of transitions to learn from.
     epsilon : float, Decay, function, Exploration or str, optional
@@ -163,7 +163,7 @@ class InteractiveQLearning(Learner):
     def run_to(self, steps: int, puts_off: bool = False) -> tuple[Query, ...]:
         """Run to this step, or to a pair that only the tutor can decide. Return the query, if any.
 
-        If questions are put off, such pairs go by the best guess.
+        With ``puts_off`` such pairs are decided by the best guess at the scale instead.
         """
         elicitation, state = self._elicitation, self.state
         elicitation.puts_off = puts_off
@@ -202,23 +202,23 @@ class InteractiveQLearning(Learner):
             elicitation.commit(d, Decisions(verdicts, tiers))
 
     def ask_within(self, tutor: AnswersInLoops | None) -> None:
-        """Let the compiled loop ask this tutor by itself from now on.
+        """Let the compiled loop ask this tutor directly from now on. None: no longer.
 
-        It does so if the results are the same: with a comparator that is ``LearnsInSteps``, no
-        audits and no ties. None: no longer.
+        It does so only if the results are the same: with a comparator that is ``LearnsInSteps``, no
+        audits and no ties.
         """
         self._pairs.tutor = tutor
 
     @property
     def done(self) -> bool:
-        """True if all steps are done."""
+        """True if all steps were taken."""
         return bool(self.state.cursor[kernel.STEP] >= self.model.steps)
 
     def _go_on(self) -> tuple[Query, ...]:
         return self.run_to(self.model.steps)
 
     def _take(self, told: Sequence[AnsweredQuery]) -> None:
-        """Enter the tutor's verdict on the pair at the cursor, if the question was about that."""
+        """Pass the tutor's verdict to the loop, if it is about the pair at the loop's cursor."""
         if self.state.cursor[kernel.POSITION] != kernel.IDLE:  # else it was asked between two steps
             for _, verdict in told:
                 self._verdict = int(verdict)
@@ -232,16 +232,16 @@ class InteractiveQLearning(Learner):
         return Status.CALLED_EQUAL if self._elicitation.gave_up else Status.DONE
 
     def _pair(self) -> Pair:
-        """Return the two actions at the cursor."""
+        """Return the question about the two actions at the loop's cursor."""
         return pair_of(self._mdp, *self._vectors(), *self._place())
 
     def _place(self) -> tuple[int, int, int]:
-        """Return the state at the cursor, the action that challenges there, and the incumbent."""
+        """Return the state at the loop's cursor, the challenging action, and the best so far."""
         s, position = self.state.cursor[[kernel.STATE, kernel.POSITION]].tolist()
         return s, int(self.model.actions[s, position]), int(self.state.best[s])
 
     def _vectors(self) -> tuple[Floats, Floats]:
-        """Return copies of the challenger's and the incumbent's vectors (k,) at the cursor."""
+        """Return copies of the vectors (k,) of the challenger and of the best action so far."""
         s, challenger, incumbent = self._place()
         return self.state.q[s, challenger].copy(), self.state.q[s, incumbent].copy()
 

@@ -1,4 +1,4 @@
-"""Q-learning that puts its questions off until they can matter."""
+"""Q-learning that delays its questions until they can matter."""
 
 from __future__ import annotations
 
@@ -35,11 +35,12 @@ class LateQLearning(InteractiveQLearning):
     """Q-learning that asks only at checkpoints, about differences that could matter.
 
     Checkpoints come at doubling numbers of steps, so that the number of questions grows with the
-    logarithm of the steps. Between them undecided pairs go by the comparator's central scale. At
-    each checkpoint at most ``2 (k - 1)`` questions are asked. A pair is asked about only if, under
-    some plausible scale, an alternative beats the greedy action by more than the ``indifference``,
-    and by more than further steps are likely to change. After the last step the second condition
-    falls away.
+    logarithm of the steps. Between them undecided pairs are decided by the comparator's central
+    scale. At each checkpoint at most ``2 (k - 1)`` questions are asked.
+
+    A pair is asked if, under some plausible scale, an alternative beats the greedy action by more
+    than the ``indifference``, and by more than further steps are likely to change. After the last
+    step the second condition does not apply.
 
     Parameters
     ----------
@@ -49,16 +50,16 @@ class LateQLearning(InteractiveQLearning):
     strategy : function of ``qlearn.strategies``, or its name
         Picks the pair that is asked about first.
     max_loss : float, optional
-        Stop at a checkpoint once no plausible scale lets the greedy policy lose more than this
-        share of the value range.
+        Stop at a checkpoint once the greedy policy loses at most this share of the value range
+        under every plausible scale.
     **settings
         The other keywords of ``InteractiveQLearning``.
 
     Notes
     -----
     The guesses determine which transitions are seen. So explore well, as by default, or the result
-    differs from that of ``InteractiveQLearning``. A learner that asks about everything (AlwaysAsk
-    with a simulated tutor) asks at once nevertheless.
+    differs from that of ``InteractiveQLearning``. If every pair is asked about (AlwaysAsk with a
+    simulated tutor), questions are not delayed.
     """
 
     def __init__(
@@ -99,7 +100,7 @@ class LateQLearning(InteractiveQLearning):
         return self._end or Status.WAITING
 
     def _question(self) -> tuple[Query, ...]:
-        """Act on the present knowledge, and ask this checkpoint's next question, if any."""
+        """Return this checkpoint's next question, if any, for what is known now."""
         elicitation, state = self._elicitation, self.state
         if elicitation.signs is not None:
             return ()
@@ -133,9 +134,9 @@ class LateQLearning(InteractiveQLearning):
         return elicitation.open([pair_of(self._mdp, q[s, a].copy(), q[s, b].copy(), s, a, b)])
 
     def _go_by(self, values: Floats, q: Floats, policy: NDArray[np.int64]) -> None:
-        """Make ``policy`` (S,) greedy in q (S, A, k) for a scale (k,).
+        """Make ``policy`` (S,) greedy in q (S, A, k) under a scale (k,).
 
-        Its own actions stay if they are as good.
+        An action of the policy stays if it is as good as the best.
         """
         worth = np.where(self._live, product(tail_sums(q), np.diff(values)), -np.inf)
         rows = np.flatnonzero(self._live.any(axis=1))
@@ -145,10 +146,10 @@ class LateQLearning(InteractiveQLearning):
     def _moving(
         self, states: NDArray[np.int64], actions: NDArray[np.int64], own: NDArray[np.int64]
     ) -> Floats:
-        """Return the amount (n,) by which each difference is likely to move still.
+        """Return how much (n,) each difference is likely to change in further steps.
 
-        It is a share of its movement under the central scale since the last checkpoint, and 0 at
-        the end.
+        It is a share of its change under the central scale since the last checkpoint, and 0 at the
+        end.
         """
         if self.done:
             return np.zeros(len(states))

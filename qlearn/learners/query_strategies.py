@@ -1,7 +1,7 @@
 """Strategies: small functions that score candidates for a question.
 
-The candidate with the greatest score is asked about. A strategy is any function from ``Candidates``
-to scores (n,), or the name of one of those here. Of equal scores the first is taken. Your own:
+The candidate with the greatest score is asked about, and of equal scores the first. A strategy is
+any function from ``Candidates`` to scores (n,), or the name of one of those here. Your own:
 
     def closest_to_even_odds(candidates):
         left_better = (candidates.scores > 0) @ candidates.weights
@@ -57,11 +57,11 @@ def __dir__() -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Differences d (n, k) that may be asked about.
+    """Candidates for a question: differences d (n, k) that may be asked about.
 
-    The challenger, action ``actions`` (n,) at state ``states`` (n,), is left, and the incumbent
-    right. A difference matters if d.e exceeds ``limit``. ``times``, one or (n,), is the multiple of
-    d that the question would be about.
+    The left vector is that of the challenger, action ``actions`` (n,) at state ``states`` (n,). The
+    right one is that of the best action so far. A difference matters if d.e exceeds ``limit``.
+    ``times``, a number or (n,), is the factor by which a question multiplies d.
     """
 
     d: Floats
@@ -73,7 +73,7 @@ class Candidates:
 
     @cached_property
     def draws(self) -> Draws:
-        """Plausible scales: the comparator's ``draws``.
+        """Weighted plausible scales: the comparator's ``draws``.
 
         If it has none, they are drawn from all ordered scales.
         """
@@ -81,7 +81,7 @@ class Candidates:
 
     @property
     def weights(self) -> Floats:
-        """Weights (m,) of the draws, 1 in total."""
+        """Weights (m,) of the draws, of total 1."""
         return self.draws.weights
 
     @cached_property
@@ -128,7 +128,10 @@ def max_regret(candidates: Candidates) -> Floats:
 
 @uses("draws")
 def most_even_cut(candidates: Candidates) -> Floats:
-    """Score by the weight of the scales that the answer excludes at least, left or right."""
+    """Score by the weight of scales that either answer excludes at least.
+
+    "Left is better" excludes the scales with d.e < 0, and "right is better" those with d.e > 0.
+    """
     weights = candidates.weights
     better, worse = product(candidates.scores > 0, weights), product(candidates.scores < 0, weights)
     return np.asarray(np.minimum(better, worse))
@@ -136,10 +139,10 @@ def most_even_cut(candidates: Candidates) -> Floats:
 
 @uses("draws", "lapse")
 def mutual_information(candidates: Candidates) -> Floats:
-    """Score by the expected information of the answer on the scale, in bits.
+    """Score by the expected information of the answer about the scale, in bits.
 
-    It follows the comparator's own model of the tutor (Houlsby et al. 2011; Biyik et al. 2019). It
-    is the entropy of the answer, less the mean of its entropy under each scale.
+    It is computed from the comparator's model of the tutor (Houlsby et al. 2011; Biyik et al.
+    2019): the entropy of the answer, minus the mean of its entropy under each scale.
     """
     chance, weights = candidates.agreement, candidates.weights
     return np.asarray(entropy(product(chance, weights)) - product(entropy(chance), weights))
@@ -147,18 +150,15 @@ def mutual_information(candidates: Candidates) -> Floats:
 
 @uses("draws")
 def violated_weight(candidates: Candidates) -> Floats:
-    """Score by the probability that the difference matters.
-
-    It is the weight of the scales with d.e beyond the limit.
-    """
+    """Score by the weight of the scales under which the difference matters, d.e > limit."""
     return product(candidates.scores > candidates.limit, candidates.weights)
 
 
 @uses("draws", "lapse")
 def telling_violation(candidates: Candidates) -> Floats:
-    """Score by mutual information times the weight of scales for which it matters.
+    """Score by mutual information times the weight of the scales for which the difference matters.
 
-    One draw's weight is added, so that the scores differ even if no draw says that it matters.
+    The weight of one draw is added, so that scores differ even if it matters under no draw.
     """
     spare = 1.0 / len(candidates.weights)
     return np.asarray(mutual_information(candidates) * (violated_weight(candidates) + spare))
@@ -195,20 +195,19 @@ def strategy_of(choice: Strategy | str) -> Strategy:
 def worth_asking(
     elicitation: Elicitation, d: Floats, places: Callable[[int], Place], limit: float | Floats
 ) -> NDArray[np.int64]:
-    """Return the numbers of the differences d (n, k) that are worth a question.
+    """Return the rows of differences d (n, k) that are worth a question.
 
-    These are the rows whose upper bound exceeds ``limit`` and about which the elicitation may ask.
-    ``limit`` is one number for all rows, or (n,). ``places`` gives the place at which a row is
-    compared.
+    Their upper bounds exceed ``limit``, a number or (n,), and the elicitation may ask about them.
+    ``places`` gives the place at which a row is compared.
     """
     rows = np.flatnonzero(bounds_above(elicitation.comparator, d, limit)[0] > limit)
     return rows[elicitation.may_ask(d[rows], lambda i: places(int(rows[i])))]
 
 
 def best(strategy: Strategy, candidates: Candidates, how_many: int = 1) -> list[int]:
-    """Return the numbers of the candidates with the greatest scores, the first first among equals.
+    """Return the numbers of the candidates with the greatest scores, greatest first.
 
-    Raise ValueError for scores that are no numbers (n,).
+    Of equal scores the first comes first. Raise ValueError if scores are not numbers (n,).
     """
     scores = np.asarray(strategy(candidates), dtype=np.float64)
     if scores.shape != (len(candidates),) or np.isnan(scores).any():
@@ -220,10 +219,9 @@ def best(strategy: Strategy, candidates: Candidates, how_many: int = 1) -> list[
 
 
 def _coarse(scores: Floats) -> Floats:
-    """Return scores rounded to a grid.
+    """Return scores rounded to a grid, so that scores that differ only by rounding become equal.
 
-    The grid is finer than any difference that matters, and coarser than rounding errors. So scores
-    that differ only by rounding become equal.
+    The grid is finer than any difference that matters.
     """
     some = np.isfinite(scores)
     _, exponent = np.frexp(np.abs(scores[some]).max(initial=0.0))
@@ -240,8 +238,8 @@ def simple_pair(
 ) -> Pair | None:
     """Return a question of simple bags that tells of the signs of ``about`` (c, k), or None.
 
-    It is None if no question tells anything. Bags are about no state: the sentence alone is their
-    place.
+    It is None if no question tells anything. Such a question belongs to no state: its place is its
+    sentence.
     """
     asked, draws = bags.questions(len(labels)), candidates.draws
     d = asked.left / bags.days - asked.right / bags.days

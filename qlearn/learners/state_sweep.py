@@ -1,4 +1,4 @@
-"""A sweep of value iteration over all states, compiled up to questions and Python's parts."""
+"""A sweep of value iteration over all states: compiled, except for the hard comparisons."""
 
 from __future__ import annotations
 
@@ -31,7 +31,10 @@ States = NDArray[np.int64]
 
 
 class StateSweep:
-    """V of the last sweep, each state's best action, and the progress of this sweep."""
+    """A sweep under way: V of the last sweep, each state's best action, and its progress.
+
+    Each state has a cursor: the action that is compared next with the best so far.
+    """
 
     def __init__(self, mdp: OrdinalMDP, elicitation: Elicitation, jobs: int) -> None:
         n, m = mdp.levels.shape
@@ -54,10 +57,10 @@ class StateSweep:
     _waiting: States  # whose pair at the cursor is undecided, in order
 
     def proceed(self, batch: int) -> States:
-        """Compare the actions of the states, in order, until ``batch`` states need the tutor.
+        """Compare the actions of states, in order, until ``batch`` of them need the tutor.
 
-        Return the states that need the tutor, in order. There may be fewer than ``batch`` near the
-        end of the sweep, and there are none once the sweep is complete.
+        Return these states. There may be fewer near the end of the sweep, and there are none once
+        it is complete.
         """
         self._look_again(batch)
         while len(self._waiting) < batch and self._reached < self._mdp.n_states:
@@ -71,9 +74,9 @@ class StateSweep:
         return self._waiting[: min(batch, self._verified)]
 
     def enter_verdict(self, state: int, verdict: Verdict) -> None:
-        """Enter the verdict on the pair at a waiting state's cursor.
+        """Enter the verdict on the pair at the cursor of a waiting state.
 
-        States that wait behind it may be decided by now.
+        Other waiting states may be decided by the answer too: they are looked at again.
         """
         self._pass_decided(np.array([state]), np.array([verdict], dtype=np.int8))
         self._verified = 0
@@ -81,8 +84,8 @@ class StateSweep:
     def pairs(self, states: States) -> tuple[Floats, Floats, NDArray[np.int32], States]:
         """Return the pairs at the cursors of n states.
 
-        They are the left and right vectors (n, k), and the challengers' and incumbents' actions
-        (n,).
+        They are the left and right vectors (n, k), and the actions (n,) of the challengers and of
+        the best so far.
         """
         rows, challengers, incumbents = (
             np.arange(len(states)),
@@ -94,26 +97,26 @@ class StateSweep:
 
     @property
     def span(self) -> float:
-        """Upper bound on the spread of the states' changes of V under any ordered scale.
+        """Upper bound on how much the change of V differs between states, under any ordered scale.
 
         It is known at the end of a sweep.
         """
         return float((self._change[1] - self._change[0]).max())
 
     def follow(self, within: float) -> None:
-        """Replace V by the value of the present actions, to about ``within``.
+        """Replace V by the value of the present actions, accurate to about ``within``.
 
         No actions are compared.
         """
         self.v = nearly_valued(self._mdp, self.best, self.v, within)
 
     def next_sweep(self) -> None:
-        """Go on from the new V."""
+        """Begin the next sweep, from the new V."""
         self.v, self._following = self._following, self.v
         self.begin()
 
     def begin(self) -> None:
-        """Begin this sweep, or begin it anew, from V."""
+        """Begin this sweep from V, or begin it again."""
         self.cursor[:] = 0
         self.waiting_tiers.clear()
         self._reached = 0  # states from here on have not been looked at in this sweep
@@ -126,7 +129,7 @@ class StateSweep:
         )
 
     def _look_again(self, batch: int) -> None:
-        """Decide waiting states anew, in order, until a batch of them needs the tutor.
+        """Decide waiting states again, in order, until ``batch`` of them need the tutor.
 
         Each call takes twice as many states as the last one. So there are few calls, and few
         verdicts that the next answer outdates.
@@ -162,9 +165,9 @@ class StateSweep:
         return np.sort(np.concatenate(waiting)) if waiting else states
 
     def _swept(self, states: States) -> Iterator[tuple[States, Outcome]]:
-        """Yield parts of the states, and the outcome of the compiled sweep over each.
+        """Yield parts of the states, each with the outcome of the compiled sweep over it.
 
-        Blocks are swept in parallel, unless there is a watcher or ``consult`` answers.
+        Blocks of states are swept in parallel, unless there is a watcher or ``consult`` answers.
         """
         blocks = [states[i : i + BLOCK] for i in range(0, len(states), BLOCK)]
         rules = self._rules(len(blocks))
@@ -180,7 +183,7 @@ class StateSweep:
                 block = block[len(part) :]
 
     def _sweep(self, states: States, rule: Rule) -> tuple[States, Outcome]:
-        """Return the first states, as many as were reached, and their outcome."""
+        """Sweep the states; return those that were reached, and their outcome."""
         work, out = (
             Work(self.v, self._following, self.best, self.cursor),
             no_outcome(len(states), self._mdp.k),
@@ -190,7 +193,7 @@ class StateSweep:
         return states[:reached], out
 
     def _enter(self, states: States, out: Outcome) -> None:
-        """Enter the outcome of states."""
+        """Enter the outcome for these states."""
         n = len(states)
         self.best[states], self.cursor[states] = out.best[:n], out.cursor[:n]
         self._change[0] = np.minimum(self._change[0], out.change[0])
@@ -219,16 +222,16 @@ class StateSweep:
         return needed
 
     def _pass_decided(self, states: States, verdicts: NDArray[np.int8]) -> None:
-        """Move cursors past decided challengers."""
+        """Move on from decided comparisons: advance the cursors of these states."""
         won = states[verdicts == Verdict.BETTER]
         self.best[won] = self.cursor[won]
         self.cursor[states] += 1
 
     def _rules(self, n: int) -> Sequence[Rule]:
-        """Return the comparator's rule for each of n blocks.
+        """Return a copy of the comparator's rule for each of n blocks of states.
 
-        Each block has a copy, which receives its findings. After an answer certificates are
-        deleted, except proven ones.
+        A block's copy receives what is proven in it. After an answer, certificates are deleted,
+        except proven ones.
         """
         if self._elicitation.comparator is not self._decided_by:
             self._decided_by = self._elicitation.comparator
@@ -246,7 +249,7 @@ class StateSweep:
 
 
 def _copy(rule: Rule) -> Rule:
-    """Return the same proofs, with copies of the arrays that walks write to."""
+    """Return a copy of a rule whose arrays may be changed by proofs."""
     written = ("points", "inverses", "active", "kind", "age", "counts")
     return rule._replace(
         known=rule.known._replace(**{name: getattr(rule.known, name).copy() for name in written})

@@ -49,11 +49,11 @@ _EVALUATED = (
 
 
 class InteractiveValueIteration(Learner):
-    """Value iteration on share vectors.
+    """Value iteration on share vectors, which asks the tutor about what it cannot decide.
 
     Each sweep backs up Q(s, a) = (1 - discount) r(s, a) + discount P V and compares every state's
-    actions, starting from the last sweep's best. Questions come in order of states, each asked as
-    soon as what is known cannot decide it; with ``batch`` > 1 up to that many at once.
+    actions, starting from the last sweep's best. States are taken in order, and a pair is asked
+    about as soon as it cannot be decided. With ``batch`` > 1 up to that many are asked at once.
 
     Parameters
     ----------
@@ -69,12 +69,12 @@ class InteractiveValueIteration(Learner):
     partial_sweeps : bool
         From the second sweep on, and in the first half of ``max_sweeps``, let V go on between two
         sweeps to the value of the present actions, without comparing any. This is modified policy
-        iteration (Puterman and Shin 1978): the same promise after fewer sweeps and mostly fewer
+        iteration (Puterman and Shin 1978): the same guarantee after fewer sweeps and mostly fewer
         questions. False: each sweep starts from the last one's V, as in the paper.
     jobs : int
-        Threads that share a sweep. The result is the same whatever their number. One is the
-        default, so that several runs side by side do not crowd each other. One is also used while
-        somebody watches or answers by ``consult``.
+        Threads that share a sweep. The result does not depend on their number. The default is 1, so
+        that several runs side by side do not crowd each other. 1 is also used while somebody
+        watches or answers by ``consult``.
     max_loss : float, optional
         Stop after a sweep whose policy loses no more than this under any plausible scale
         (``Result.loss_bound``, computed whenever policy or answers have changed).
@@ -92,19 +92,19 @@ class InteractiveValueIteration(Learner):
     Notes
     -----
     It stops when a sweep's changes of V differ from state to state by less than tolerance (1 -
-    discount) / (2 discount) under every ordered scale. What all states change alike moves no
-    comparison.
+    discount) / (2 discount) under every ordered scale. A change that is the same in all states
+    affects no comparison.
 
-    A pair that the tutor cannot tell counts as equal. Then the tolerance is no promise, and the
+    A pair that the tutor cannot tell counts as equal. Then the tolerance is no guarantee, and the
     status is UNSURE in place of CONVERGED. A pair that the tutor calls equal counts as equal too,
     but may be farther apart (the comparator's ``tie``). Then the status is CALLED_EQUAL, unless the
-    loss is bounded within the tolerance all the same. With a comparator that proves no verdict
-    (one that allows for errors), or with a larger ``indifference`` than the default, the loss may
-    have a bound above the tolerance. Then the status is DONE. It is BOUNDED in place of CONVERGED
-    if nothing says with what confidence the bound holds.
+    loss is still bounded within the tolerance. With a comparator that proves no verdict (because it
+    allows for errors), or with a larger ``indifference`` than the default, the bound on the loss
+    may exceed the tolerance. Then the status is DONE. It is BOUNDED in place of CONVERGED if the
+    confidence of the bound is not known.
 
-    Beside the MDP only V is kept, twice (S, k), and what decided each (s, a) last, k - 1 numbers of
-    half size. Partial sweeps take V twice more while they last, and one row of transitions a state.
+    Memory: two copies of V (S, k), and for each (s, a) the last certificate, k - 1 numbers of half
+    size. Partial sweeps take V twice more while they last, and a row of transitions for each state.
     ``Result.q`` is computed when first read, once finished from the policy's value. Pairs that only
     the comparator itself can decide are put to it many at a time. For a comparator without a rule
     (``elicit.decision.comparator_rule``) these are all pairs.
@@ -204,7 +204,7 @@ class InteractiveValueIteration(Learner):
     def _in_order(
         self, d: Floats, states: NDArray[np.int64], actions: NDArray[np.int32]
     ) -> list[int]:
-        """Return the rows of d (n, k), those to ask about first in front."""
+        """Return the rows of d (n, k) in the order in which to ask about them."""
         return list(range(len(d)))
 
     def _finish_sweep(self) -> None:
@@ -224,7 +224,7 @@ class InteractiveValueIteration(Learner):
                 self._states.follow(_EVALUATED * self._small_span)
 
     def _final_status(self) -> Status | None:
-        """Return the final status once V hardly changes, or None to go on."""
+        """Return the final status once V hardly changes, or None before."""
         if self._elicitation.counts[Tier.GUESS] > self._guessed:
             return Status.GUESSED
         if self._elicitation.unsure:
@@ -242,19 +242,21 @@ class InteractiveValueIteration(Learner):
 
 
 def _indifference(mdp: OrdinalMDP, tolerance: float) -> float:
-    """Return the indifference with which the policy is within the tolerance."""
+    """Return the indifference at which the policy's loss stays within the tolerance."""
     return tolerance * (1 - mdp.discount) / 2
 
 
 class LateValueIteration(InteractiveValueIteration):
-    """Value iteration on share vectors that puts its questions off.
+    """Value iteration on share vectors that delays its questions.
 
     It delays and orders questions as Gilbert, Spanjaard, Viappiani and Weng (2015) do. Undecided
-    pairs go by the comparator's central scale until V hardly changes. Only then it asks about one
-    of the pairs that it met, the best by ``strategy`` (``qlearn.strategies``), and sweeps go on. It
-    stops after a sweep without a guess, so that it has the guarantee of InteractiveValueIteration.
-    Other keywords are as there. The default limit of sweeps applies to each question. A learner
-    that asks about everything (AlwaysAsk with a simulated tutor) asks at once nevertheless.
+    pairs are decided by the comparator's central scale until V hardly changes. Only then it asks
+    about one of these pairs, the best by ``strategy`` (``qlearn.strategies``), and sweeps go on. It
+    stops after a sweep without such a guess, and so has the guarantee of InteractiveValueIteration.
+
+    Other keywords are those of InteractiveValueIteration. The default limit of sweeps applies to
+    each question. If every pair is asked about (AlwaysAsk with a simulated tutor), questions are
+    not delayed.
     """
 
     def __init__(
@@ -301,21 +303,21 @@ class LateValueIteration(InteractiveValueIteration):
         return None
 
     def _put_off(self, questions: bool) -> None:
-        """Begin the sweep anew, with questions put off or asked."""
+        """Begin the sweep again, and delay questions or, with ``questions`` False, ask them."""
         self._elicitation.puts_off = questions
         self._states.begin()
 
 
 def _followed_from(v: Floats, policy: NDArray[np.int64], mdp: OrdinalMDP, within: float) -> Floats:
-    """Return Q (S, A, k) of a policy (S,) that is followed from the next state on.
+    """Return Q (S, A, k) of following a policy (S,) from the next state on.
 
-    It is right to about ``within``; v (S, k) is near it.
+    It is accurate to about ``within``. v (S, k) is near the policy's value.
     """
     return q_of(np.arange(mdp.n_states), nearly_valued(mdp, policy, v, within), model_of(mdp))
 
 
 def sweeps_needed(discount: float, tolerance: float) -> int:
-    """Return the sweeps after which scalar value iteration has stopped.
+    """Return the number of sweeps after which value iteration with known values has stopped.
 
     Its first change is at most 1 - discount, and each later one at most discount times the last.
     """

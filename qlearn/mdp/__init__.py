@@ -1,4 +1,4 @@
-"""MDPs whose rewards are levels, and their ground truth: tables, backups, planning.
+"""MDPs whose rewards are levels: tables, backups, and planning with a known scale.
 
-Imports from elicit.
+This folder imports from elicit.
 """

@@ -1,7 +1,4 @@
-"""Checks of an MDP's arrays, a block of states at a time.
-
-The arrays may fill most of the memory.
-"""
+"""Checks of an MDP's arrays, a block of states at a time, because they may fill the memory."""
 
 from __future__ import annotations
 
@@ -23,7 +20,7 @@ _ROUNDING = 1e-12  # a row nearer to 1 than this is kept bit for bit, so that co
 
 
 Place: TypeAlias = Callable[[int, int], str]
-"""The words for a state and an action, given their numbers."""
+"""Returns words for a state and an action, given their numbers."""
 
 
 def clean(
@@ -72,7 +69,7 @@ def reject(
     start: int = 0,
     words: Callable[[tuple[int, ...]], str] | None = None,
 ) -> None:
-    """Raise ValueError naming the first bad entry.
+    """Raise ValueError that names the first bad entry of an array.
 
     ``start`` is the index of the array's first row, and ``words`` say what an index stands for.
     """
@@ -88,10 +85,10 @@ def reject(
 def _words(
     place: Place, start: int, targets: Indices | None = None
 ) -> Callable[[tuple[int, ...]], str]:
-    """Return a function that says which state and action an index is about.
+    """Return a function that turns an index into words: which state and action it is about.
 
-    It also names the next state of an entry whose successor is in ``targets`` (S, A, b), because
-    the last index of a stored row is not the number of a state.
+    The words also name the next state of an entry whose successor is in ``targets`` (S, A, b),
+    because the last index of a stored row is not the number of a state.
     """
 
     def words(index: tuple[int, ...]) -> str:
@@ -106,7 +103,7 @@ def _words(
 def numbers(
     name: str, given: ArrayLike, shape: tuple[int, ...] | None = None, whole: bool = False
 ) -> NDArray[Any]:
-    """Return a copy of ``given`` as floats; integers (``whole``) as int32 if they fit.
+    """Return a copy of ``given`` as floats, or with ``whole`` as integers, int32 if they fit.
 
     An array of just that type that is read-only and owns its memory is not copied. Raise TypeError
     or ValueError.
@@ -212,7 +209,7 @@ def names(name: str, given: Sequence[str] | None, count: int) -> tuple[str, ...]
 
 
 def _strings(name: str, given: Sequence[str], wanted: str) -> tuple[str, ...]:
-    """Return different plain strings, also from a NumPy array."""
+    """Return names as a tuple of plain strings. Raise an error unless all are different."""
     sized = isinstance(given, Iterable) and not isinstance(given, str)
     found = tuple(given) if sized else ()
     if not sized or not all(isinstance(one, str) for one in found):
@@ -227,14 +224,14 @@ def _strings(name: str, given: Sequence[str], wanted: str) -> tuple[str, ...]:
 
 
 def called(kind: str, number: int, names: Sequence[str] | None) -> str:
-    """Return the number of a state or an action, and its name if it has one."""
+    """Return the number of a state or an action, with its name if it has one, as text."""
     return f"{kind} {number}" if names is None else f"{kind} {number}, {names[number]!r}"
 
 
 def check_terminal_levels(
     levels: Indices, terminal: Flags, admissible: Flags, states: Sequence[str] | None
 ) -> None:
-    """Raise ValueError if a terminal state has two levels. ``states`` are the states' names."""
+    """Raise ValueError if a terminal state has two levels. ``states`` are names for the message."""
     ends = np.flatnonzero(terminal)
     levels, admissible = levels[ends], admissible[ends]
     lowest = np.where(admissible, levels, np.iinfo(np.int32).max).min(axis=1)
@@ -258,7 +255,7 @@ def distributions(
 ) -> Floats:
     """Return p (..., b) with every needed row a distribution.
 
-    It is p itself if no change is needed. ``start`` and ``words`` are as for ``reject``. Raise
+    If no change is needed it is p itself. ``start`` and ``words`` are as for ``reject``. Raise
     ValueError.
     """
     reject(name, p, ~np.isfinite(p), "must be finite", start, words)

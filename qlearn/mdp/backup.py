@@ -1,4 +1,4 @@
-"""Back up share vectors, eq. (3), a state at a time, in code that numba can compile.
+"""Bellman backups of share vectors (the paper's eq. (3)), a state at a time, for compiled code.
 
 Q is never kept for all states.
 """
@@ -16,7 +16,7 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 
 class MdpArrays(NamedTuple):
-    """The MDP as a sweep reads it. Row s*A + a of ``OrdinalMDP.transitions`` belongs to (s, a)."""
+    """The MDP as arrays for a sweep; row s*A + a of ``OrdinalMDP.transitions`` is of (s, a)."""
 
     successors: NDArray[np.integer[Any]]  # (n,)
     probabilities: Floats  # (n,)
@@ -29,15 +29,15 @@ class MdpArrays(NamedTuple):
     discount: float
 
     def __deepcopy__(self, memo: dict[int, Any]) -> MdpArrays:
-        """Return itself.
+        """Return the same object in place of a copy.
 
-        Copies of its arrays could be written to, and a copied learner would be compiled for anew.
+        A copy's arrays would be writeable, and loops would be compiled again for them.
         """
         return self
 
 
 def model_of(mdp: OrdinalMDP) -> MdpArrays:
-    """Return the MDP's own arrays, read-only.
+    """Return the MDP's own arrays, all read-only.
 
     Otherwise some might be writeable, and loops would be compiled for both kinds.
     """
@@ -56,10 +56,10 @@ def _to_read(array: Any) -> Any:
 
 @compiled
 def back_up_from(s: int, v: Any, arrays: Any, discount: float, q: Any) -> None:
-    """Write Q(s, .), eq. (3) in shares, into q (A, k).
+    """Write Q(s, .), in shares, into q (A, k).
 
-    Rows of inadmissible actions are left as they are. ``arrays`` are the model's first four:
-    handing over all of it for every state takes longer.
+    Rows of inadmissible actions are left as they are. ``arrays`` are the first four arrays of
+    ``MdpArrays``: passing all of them for every state takes longer.
     """
     successors, probabilities, ends, levels = arrays
     m, k = q.shape
@@ -80,9 +80,9 @@ def back_up_from(s: int, v: Any, arrays: Any, discount: float, q: Any) -> None:
 
 
 def back_up_together(states: Any, v: Any, model: MdpArrays, q: Any) -> None:
-    """Write the result of ``back_up_all``, all rows at once.
+    """Write the result of ``back_up_all`` in NumPy, all rows at once.
 
-    It takes all first successors, then all second ones, and so on.
+    It adds all first successors, then all second ones, and so on.
     """
     m, k = q.shape[1:]
     rows = (np.asarray(states)[:, None] * m + np.arange(m)).reshape(-1)
@@ -103,7 +103,7 @@ def back_up_together(states: Any, v: Any, model: MdpArrays, q: Any) -> None:
 
 @compiled_beside(back_up_together)
 def back_up_all(states: Any, v: Any, model: MdpArrays, q: Any) -> None:
-    """Write Q (n, A, k) of n states, as ``OrdinalMDP`` has it, into q.
+    """Write Q (n, A, k) of n states into q, by ``OrdinalMDP``'s rules for terminal states.
 
     For a terminal state it is the state's value whatever the action. For an inadmissible action it
     is all on the worst level.
@@ -120,7 +120,10 @@ def back_up_all(states: Any, v: Any, model: MdpArrays, q: Any) -> None:
 
 
 def q_of(states: NDArray[np.int64], v: Floats, model: MdpArrays) -> Floats:
-    """Return Q (n, A, k) of these states after V (S, k), as ``back_up_all`` has it."""
+    """Return Q (n, A, k) of these states for next-state values V (S, k).
+
+    See ``back_up_all``.
+    """
     q = np.empty((len(states), model.n_actions, v.shape[1]))
     back_up_all(states, v, model, q)
     return q

@@ -1,7 +1,7 @@
 """Sweeps over the states of an MDP in blocks, on as many threads as there are cores.
 
-A state's result depends on the last sweep's values only. So blocks may be swept in any order, and
-by any number of threads, to the same numbers.
+A state's result depends only on the values of the last sweep. So blocks may be swept in any order,
+and by any number of threads, with the same numbers.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ def in_blocks(sweep: Callable[[int, int], T], states: int, products: int) -> lis
     Parameters
     ----------
     sweep : function (first, last)
-        Sweeps the states from ``first`` up to ``last``, which is not one of them.
+        Sweeps the states from ``first`` up to ``last``, which is excluded.
     states : int
     products : int
-        Number of products that all states need, for all blocks together.
+        Number of products that all states need, over all blocks.
 
     Returns
     -------

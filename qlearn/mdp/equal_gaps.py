@@ -1,6 +1,6 @@
-"""The policy of equal gaps: acting without having asked, and the loss of doing so.
+"""The policy for equal gaps: how to act without having asked, and the loss of doing so.
 
-If nobody is asked, the plain guess is that the steps between neighbouring levels are equal. The
+Without any question, the plain guess is that the steps between neighbouring levels are equal. The
 loss of this guess under a hidden scale is the most that questions can save.
 """
 
@@ -20,7 +20,7 @@ _TIE = 1e-9  # ten times the greatest error of a computed value; no loss of this
 
 
 class UnaskedLoss(NamedTuple):
-    """Loss of the policy of equal gaps under a hidden scale, as shares of the value range.
+    """Loss of the policy for equal gaps under a hidden scale, as shares of the value range.
 
     Attributes
     ----------
@@ -45,13 +45,14 @@ def equal_gaps_policy(mdp: OrdinalMDP, tie: float = _TIE) -> Actions:
         The problem.
     tie : float
         Actions whose values differ from the best by at most this share of the value range count as
-        equally good. The one with the lowest index is taken, so that rounding decides nothing.
+        equally good. Of these the action with the lowest index is taken, so that rounding decides
+        nothing.
 
     Returns
     -------
     ndarray of int
-        (S,) one action a state. On equal gaps it loses at most tie / (1 - discount) of the value
-        range.
+        (S,) the action in each state. On equal gaps the policy loses at most tie / (1 - discount)
+        of the value range.
 
     Raises
     ------
@@ -85,7 +86,7 @@ def unasked_loss(mdp: OrdinalMDP, values: ArrayLike, policy: Actions | None = No
     values : array_like
         (k,) the hidden value of each level, increasing.
     policy : ndarray of int, optional
-        (S,) the ``equal_gaps_policy``, where it is known already.
+        (S,) the ``equal_gaps_policy``, if you have it already.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""An OrdinalMDP's arrays from an environment with tables, such as Gymnasium's toy texts."""
+"""An OrdinalMDP's arrays from an environment that has tables, such as Gymnasium's toy texts."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ Table: TypeAlias = list[list[list[tuple[float, int, float, bool]]]]
 
 
 def _table(inner: Any) -> Table:
-    """Return P[s][a] as lists, checked."""
+    """Return the environment's table P[s][a] as lists, after a check."""
     given = getattr(inner, "P", None)
     if given is None:
         raise TypeError(
@@ -123,10 +123,11 @@ def _scale(
 
 
 def _nodes(table: Table, arrival: dict[float, int], after: int) -> list[Node]:
-    """Return the environment's states with the levels they are entered with.
+    """Return the MDP's states: the environment's states, each with a level it is entered with.
 
     Each state with its lowest level comes first, then states with each further level. Then follows
-    the end, entered with each level, and last with that of the time ``after`` it.
+    the end of an episode, entered with each level, and last with the level of the time ``after``
+    it.
     """
     entered: dict[int, set[int]] = {s: set() for s in range(len(table))}
     ended: set[int] = set()
@@ -151,9 +152,9 @@ def _arrays(
     arrival: dict[float, int],
     after: int,
 ) -> dict[str, Any]:
-    """Return the arrays of the MDP over these nodes.
+    """Return the arrays of an MDP whose states are ``nodes``: pairs of a state and a level.
 
-    ``after`` is the level of the time after the end.
+    ``after`` is the level of the time after the end of an episode.
     """
     number = {node: i for i, node in enumerate(nodes)}
     end = len(nodes) - 1 if nodes[-1][0] == _END else None
@@ -183,7 +184,7 @@ def _arrays(
 
 
 def _start(states: int, n: int, initial: ArrayLike | None) -> Floats:
-    """Return the initial distribution (n,), over the environment's states, which come first."""
+    """Return the initial distribution (n,) over n states, of which the environment's come first."""
     given = (
         np.full(states, 1 / states) if initial is None else np.asarray(initial, dtype=np.float64)
     )

@@ -1,9 +1,9 @@
 """Discounted totals in a Markov chain, with the same result on every processor.
 
-They solve linear systems. Libraries solve these to within rounding, and round differently on
-another processor. So a solution is refined until it is the exact one, rounded once. Its residual is
-computed without rounding: numbers are cut into parts of so few bits that their products and sums
-are exact (Ozaki, Ogita, Oishi and Rump 2012). Then the system is solved for the residual.
+They are solutions of linear systems. A library's solution has rounding errors that differ between
+processors. So the solution is refined until it is the exact one, rounded once. For that its
+residual is computed without rounding: numbers are cut into parts of so few bits that their products
+and sums are exact (Ozaki, Ogita, Oishi and Rump 2012). Then the system is solved for the residual.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Solver = Callable[[Floats], Floats]
 
 
 def discounted_totals(chain: sparse.csr_array, inflow: Floats, discount: float) -> Floats:
-    """Return x (n, m) with x = inflow + discount * chain @ x, rounded once.
+    """Return x (n, m) with x = inflow + discount * chain @ x, as if rounded only once.
 
     The chain (n, n) is (sub)stochastic.
     """
@@ -52,10 +52,7 @@ def discounted_totals(chain: sparse.csr_array, inflow: Floats, discount: float) 
 def _refined(
     flows: sparse.csr_array, high: Floats, inflow: Floats, solve: Solver
 ) -> tuple[Floats, Floats]:
-    """Return the solution as two numbers each, from an approximate one.
-
-    The second lies below the last bit of the first.
-    """
+    """Refine an approximate solution; return it as high + low, with twice the digits of a float."""
     low = np.zeros_like(high)
     residual = _exact_residual(flows, inflow)
     for _ in range(_CORRECTIONS):
@@ -101,7 +98,7 @@ def _exact_residual(flows: sparse.csr_array, inflow: Floats) -> Callable[[Floats
 
 
 def _leading(x: Floats, bits: int) -> Floats:
-    """Return x rounded to so many bits behind the binary point."""
+    """Return x rounded to a number of bits behind the binary point."""
     return np.asarray(np.round(x * 2.0**bits) * 2.0**-bits)
 
 
@@ -119,10 +116,11 @@ def _dense(flows: sparse.csr_array) -> Solver:
 
 
 def _sparse(flows: sparse.csr_array, discount: float) -> Solver:
-    """Return a solver that uses the first of four methods that succeeds, from then on.
+    """Return a solver for a sparse chain, which tries four methods and keeps the first that works.
 
-    Sweeps beside a constant and Krylov steps are quick on chains that mix, for which factors fill
-    up. Factors solve the rest. If there is no room for factors, plain sweeps do.
+    The first two, sweeps beside a constant and Krylov steps, are quick on chains that mix. On these
+    a factorisation, the third, would fill up. If it does not fit into memory, plain sweeps are
+    used.
     """
     n = flows.shape[0]
     matrix = sparse.eye_array(n, format="csr") - flows
@@ -148,11 +146,11 @@ def _sparse(flows: sparse.csr_array, discount: float) -> Solver:
 
 
 def _swept_beside_a_constant(flows: sparse.csr_array, inflow: Floats) -> Floats | None:
-    """Return the solution by sweeps, or None if they converge too slowly.
+    """Return the solution by sweeps with a constant correction, or None if they are too slow.
 
-    Sweeps reduce all but a constant as fast as the chain mixes. They reduce the constant only
-    slowly if the discount is near 1. So each sweep adds the constant that makes the mean residual
-    0.
+    Sweeps reduce the error as fast as the chain mixes, apart from an error that is the same in all
+    states: this they reduce only slowly if the discount is near 1. So each sweep also adds the
+    constant that makes the mean residual 0.
     """
     leak = 1.0 - float(flows.sum()) / flows.shape[0]  # the share of a constant that a sweep loses
     x, first = inflow.copy(), np.inf
@@ -171,7 +169,7 @@ def _swept_beside_a_constant(flows: sparse.csr_array, inflow: Floats) -> Floats 
 
 
 def _by_krylov_steps(matrix: sparse.csr_array, inflow: Floats) -> Floats | None:
-    """Return the solution, column by column, or None if the steps do not converge."""
+    """Return the solution by Krylov steps, column by column, or None if they do not converge."""
     x = inflow.copy()
     for column in x.T:
         target = column.copy()

@@ -1,4 +1,4 @@
-"""Ordinal reward MDPs (section 2.2): transitions are numbers, rewards are named levels."""
+"""Ordinal reward MDPs (the paper's section 2.2): transitions are numbers, rewards are levels."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from qlearn.mdp.array_checks import Flags, Indices, called
 
 
 class _Parts(TypedDict, total=False):
-    """The keywords that every way to make an MDP takes. ``OrdinalMDP`` says what each means."""
+    """The keywords of every way to make an MDP. ``OrdinalMDP`` says what each means."""
 
     initial: ArrayLike | None
     terminal: ArrayLike | None
@@ -31,7 +31,7 @@ class _Parts(TypedDict, total=False):
 
 
 class _AllParts(_Parts, total=False):
-    """These keywords, and ``admissible``, which ``from_pairs`` finds out by itself."""
+    """The keywords of ``_Parts`` and ``admissible``, which ``from_pairs`` finds out by itself."""
 
     admissible: ArrayLike | None
 
@@ -65,7 +65,7 @@ class OrdinalMDP:
     terminal : (S,) bool, optional
         The states where episodes end. Default: none.
     admissible : (S, A) bool, optional
-        The actions that there are. Default: all.
+        The actions that exist in each state. Default: all.
     state_names : (S,) str, optional
     action_names : (A,) str, optional
         Names for people, which queries use in place of numbers. The ``fingerprint`` leaves them
@@ -74,7 +74,7 @@ class OrdinalMDP:
     Raises
     ------
     ValueError
-        For a value that cannot be. The message names its index.
+        For an impossible value. The message names its index.
     TypeError
         For anything that is no array of numbers, and for an unknown keyword.
 
@@ -85,8 +85,8 @@ class OrdinalMDP:
 
     Entries that are never read need not be valid, and are overwritten. The rows of a terminal state
     become a self-loop. Those of an inadmissible action get probability 0 throughout. The successors
-    of padding become the row's last real one: a sampler that runs off the end by rounding gets
-    that.
+    of padding become the row's last real successor: a sampler that runs off the end by rounding
+    gets that.
 
     Rows (and ``initial``) that sum to 1 within 1e-9 but not within 1e-12 are divided by their sum.
     """
@@ -186,7 +186,7 @@ class OrdinalMDP:
         self._freeze()  # unpickled arrays are writeable
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        """Return itself: it never changes, so that copying a learner does not copy its problem."""
+        """Return the same object: it never changes, so a copied learner can share its problem."""
         return self
 
     @classmethod
@@ -200,7 +200,7 @@ class OrdinalMDP:
     ) -> OrdinalMDP:
         """Make an MDP from a dense table ``transitions`` (S, A, S) of p(s, a, s').
 
-        ``rest``: initial, terminal, admissible, state_names, action_names.
+        ``rest`` may hold initial, terminal, admissible, state_names and action_names.
         """
         return cls.from_sparse(tables.from_dense(transitions), levels, discount, labels, **rest)
 
@@ -215,12 +215,12 @@ class OrdinalMDP:
     ) -> OrdinalMDP:
         """Make an MDP from sparse ``transitions``.
 
-        They are one SciPy matrix (S*A, S) whose row s*A + a belongs to (s, a), as in
+        They are a single SciPy matrix (S*A, S) whose row s*A + a belongs to (s, a), as in
         ``OrdinalMDP.transitions``, or a sequence of A matrices (S, S), one for each action.
 
-        Rows are stored at the length of the longest. So one state with very many successors takes
-        memory for all. ``rest``: initial, terminal, admissible, state_names, action_names. Raise
-        ValueError.
+        All rows are stored at the length of the longest. So a single state with very many
+        successors makes the whole table large. ``rest`` may hold initial, terminal, admissible,
+        state_names and action_names. Raise ValueError.
         """
         matrix = tables.from_sparse(transitions)
         n = matrix.shape[1]
@@ -245,11 +245,11 @@ class OrdinalMDP:
     ) -> OrdinalMDP:
         """Make an MDP from its L state-action pairs, as QuantEcon's DiscreteDP takes them.
 
-        ``levels`` (L,) takes the place of its rewards R, and ``transitions`` (L, S), sparse or
-        dense, that of Q. ``s_indices`` and ``a_indices`` (L,) are the state and the action of each
-        pair, in any order. ``rest`` may hold initial, terminal, state_names and action_names. A
-        pair that is not listed is inadmissible. Raise ValueError for pairs out of range or listed
-        twice, and for a state without any.
+        ``levels`` (L,) takes the place of DiscreteDP's rewards R, and ``transitions`` (L, S),
+        sparse or dense, that of Q. ``s_indices`` and ``a_indices`` (L,) are the state and the
+        action of each pair, in any order. ``rest`` may hold initial, terminal, state_names and
+        action_names. A pair that is not listed is inadmissible. Raise ValueError for pairs out of
+        range or listed twice, and for a state without any.
         """
         matrix, each, listed = tables.from_pairs(
             levels, transitions, s_indices, a_indices, len(labels)
@@ -269,13 +269,15 @@ class OrdinalMDP:
     ) -> OrdinalMDP:
         """Make an MDP from an environment that carries its tables, as Gymnasium's toy texts do.
 
-        ``env.unwrapped.P`` has ``P[s][a]`` a list of (probability, next state, reward, terminated).
+        ``env.unwrapped.P`` must have ``P[s][a]``, a list of (probability, next state, reward,
+        terminated).
 
-        ``levels`` gives the meaning of the rewards. It is the rewards, worst first, or a mapping
-        from reward to the name of its level, in which several rewards may have one name. With a
-        mapping, ``labels`` are these names, worst first (default: as they first appear in the
-        mapping). By default the distinct rewards in increasing order are the levels. After the end
-        of an episode every further step counts as one of reward ``after``, which needs a level too.
+        ``levels`` gives the meaning of the rewards. It is a sequence of rewards, worst first, or a
+        mapping from reward to the name of its level, in which several rewards may have the same
+        name. With a mapping, ``labels`` are these names, worst first (default: as they first appear
+        in the mapping). By default the distinct rewards in increasing order are the levels. After
+        the end of an episode every further step counts as one with reward ``after``, which needs a
+        level too.
 
         States 0..n-1 are the environment's, so a policy's first n entries are a policy for it.
         States after the end are appended. If a reward depends on the next state, it is counted on
@@ -314,10 +316,10 @@ class OrdinalMDP:
 
     @cached_property
     def transitions(self) -> sparse.csr_array:
-        """P as CSR (S*A, S). Row s*A + a belongs to (s, a).
+        """The transition matrix P as CSR (S*A, S). Row s*A + a belongs to (s, a).
 
-        An admissible action of a terminal state loops. The row of an inadmissible action is empty.
-        Do not write to it.
+        A terminal state's admissible actions lead back to it. The row of an inadmissible action is
+        empty. Do not write to the matrix.
         """
         n, m, b = self.probabilities.shape
         p, column = self.probabilities.reshape(-1), self.successors.reshape(-1)
@@ -348,7 +350,7 @@ class OrdinalMDP:
         return str(action) if self.action_names is None else self.action_names[action]
 
     def normalise(self, values: ArrayLike) -> Floats:
-        """Return increasing values (k,), one a level, as a scale from 0 to 1. Raise ValueError."""
+        """Return increasing values (k,) of the levels as a scale from 0 to 1. Raise ValueError."""
         scale = normalise(values)
         if scale.size != self.k:
             raise ValueError(f"values must be {self.k} numbers, one a level, not {scale.size}")
@@ -366,7 +368,7 @@ class OrdinalMDP:
         return r
 
     def vector_rewards(self) -> Floats:
-        """One-hot rewards (S, A, k): component i is 1 if the level of (s, a) is i (section 2.2)."""
+        """One-hot rewards (S, A, k): component i is 1 if the level of (s, a) is i."""
         one_hot: Floats = np.eye(self.k)[self.levels]
         return one_hot
 

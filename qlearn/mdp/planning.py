@@ -1,7 +1,7 @@
-"""Ground truth: solving an MDP whose scale is known, and valuing a given policy.
+"""Planning with a known scale: solving an MDP, and the value of a given policy.
 
-Values are in shares: v = (1 - discount) times the discounted sum of rewards on a scale from 0 to 1,
-so v is between 0 and 1 whatever the discount, and a policy's vector value is a distribution.
+Values are in shares: v = (1 - discount) times the discounted sum of rewards on a scale from 0 to 1.
+So v is between 0 and 1 whatever the discount, and a policy's vector value is a distribution.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ _FLOOR = 2.0**-50  # a sweep's change below this is rounding
 def value_iteration(
     mdp: OrdinalMDP, values: ArrayLike, tolerance: float = 1e-10
 ) -> tuple[Floats, Actions]:
-    """Return the optimal value v (S,) in shares and an optimal policy (S,), eq. (2).
+    """Return the optimal value v (S,) in shares and an optimal policy (S,), for a known scale.
 
-    The value satisfies v(s) = max_a (1 - discount) e_level(s,a) + discount * sum p(s, a, s') v(s')
-    over admissible a, and |v - v*| <= ``tolerance`` at every state. A terminal state's v is its
-    normalised value exactly. Policy iteration finds the solution. Bellman sweeps then certify it:
-    |v - v*| <= (last change) * discount / (1 - discount).
+    The value satisfies the paper's eq. (2), v(s) = max_a (1 - discount) e_level(s,a) + discount *
+    sum p(s, a, s') v(s') over admissible a, and |v - v*| <= ``tolerance`` at every state. A
+    terminal state's v is its normalised value exactly. Policy iteration finds the solution. Bellman
+    sweeps then prove it: |v - v*| <= (last change) * discount / (1 - discount).
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def value_iteration(
     Raises
     ------
     ValueError
-        For bad ``values``, or a ``tolerance`` that floats cannot certify.
+        For bad ``values``, or a ``tolerance`` too small for floats.
     """
     gain, ends = rewarded(mdp, mdp.normalise(values))
     holds = is_number(tolerance) and tolerance > 0
@@ -74,14 +74,15 @@ def value_iteration(
 
 @one_thread
 def evaluate_policy(mdp: OrdinalMDP, policy: ArrayLike) -> Floats:
-    """Return the vector value of a policy, eq. (3), as shares (S, k).
+    """Return the vector value of a policy, as shares (S, k), by the paper's eq. (3).
 
-    Row s says how the discounted time of a run from s divides among the levels, and sums to 1.
+    Row s says how the discounted time of a run from s divides among the levels, and sums to 1. For
+    every scale e, the policy's numeric value is ``evaluate_policy(mdp, policy) @ e``, in the unit
+    of e (the paper's proposition 1).
 
-    ``policy`` is (S,) action indices or (S, A) probabilities; its entries at terminal states are
-    not read, and a terminal state's row is the unit vector of its level. By proposition 1 the
-    scalar value is ``evaluate_policy(mdp, policy) @ e`` for every scale e, in the unit of e.
-    Raises ValueError for a policy of wrong shape or one that takes an inadmissible action.
+    ``policy`` is (S,) action indices or (S, A) probabilities. Its entries at terminal states are
+    not read, and a terminal state's row is the unit vector of its level. Raises ValueError for a
+    policy of wrong shape, or with an inadmissible action.
     """
     rule = _rule(mdp, policy)
     pairs = mdp.levels.size
@@ -108,8 +109,8 @@ def policy_loss(
 ) -> Floats:
     """Return the loss (S,) of following ``policy`` from each state, against an optimal policy.
 
-    It is a share of the value range e_k - e_1, from 0 to 1: (1 - discount)(v* - v^policy) on the
-    scale ``values`` (k,). It is accurate to ``tolerance``. Differences below 0, which are within
+    It is v* - v^policy on the scale ``values`` (k,), in shares, so it is a share of the value range
+    e_k - e_1, from 0 to 1. It is accurate to ``tolerance``. Negative differences, which are within
     that, are set to 0.
 
     Parameters
@@ -141,13 +142,13 @@ def policy_loss(
 
 
 def rewarded(mdp: OrdinalMDP, e: Floats) -> tuple[Floats, Floats]:
-    """Return the gain of each action (S, A) and each terminal state's value (S,), in shares."""
+    """Return the reward of each action (S, A) and each terminal state's value (S,), in shares."""
     gain: Floats = (1 - mdp.discount) * e[mdp.levels]
     return gain, np.where(mdp.terminal, e[mdp.final_level], 0.0)
 
 
 def backed_up(mdp: OrdinalMDP, gain: Floats, ends: Floats, v: Floats) -> Floats:
-    """Return the value of each action (S, A) if its successors have values v (S,).
+    """Return the value of each action (S, A) if next states have the values v (S,).
 
     It is -inf if the action is inadmissible.
     """
@@ -166,11 +167,11 @@ def _first_best(q: Floats) -> Actions:
 def policy_iteration(
     mdp: OrdinalMDP, gain: Floats, ends: Floats, start: Actions | None = None
 ) -> tuple[Floats, Actions]:
-    """Return the greatest discounted total v (S,) of gains (S, A), and a policy (S,) for it.
+    """Return the greatest discounted total v (S,) of rewards ``gain`` (S, A), and its policy (S,).
 
-    A terminal state's total is ``ends`` (S,). It is found by Howard's algorithm. The actions of
-    ``start`` (S,) are kept if they are as good. The result is good, but not certain: callers that
-    need certainty must prove it.
+    A terminal state's total is ``ends`` (S,). The method is Howard's algorithm. The actions of
+    ``start`` (S,) are kept if they are as good. The result is accurate, but not proven: callers
+    that need certainty must prove it.
     """
     rows = np.arange(mdp.n_states)
     v = ends = np.where(mdp.terminal, ends, 0.0)
@@ -189,9 +190,8 @@ def policy_iteration(
 def optimal_policy(mdp: OrdinalMDP, values: Floats, start: Actions) -> Actions:
     """Return an optimal policy (S,) for the scale ``values`` (k,), from 0 to 1.
 
-    Of equally good actions it takes the first.
-
-    The search begins at ``start`` (S,), which changes how long it takes, but not what it finds.
+    Of equally good actions it takes the first. The search begins at ``start`` (S,), which changes
+    its time, but not its result.
     """
     gain, ends = rewarded(mdp, np.asarray(values))
     v, _ = policy_iteration(mdp, gain, ends, start)
@@ -199,7 +199,7 @@ def optimal_policy(mdp: OrdinalMDP, values: Floats, start: Actions) -> Actions:
 
 
 def valued(mdp: OrdinalMDP, chain: sparse.csr_array, gain: Floats, ends: Floats) -> Floats:
-    """Return discounted totals (S, c) of ``gain`` (S, c) in the chain (S, S).
+    """Return discounted totals (S, c) of rewards ``gain`` (S, c) in a Markov chain (S, S).
 
     A terminal state's totals are its ``ends`` (S, c), which are 0 at the other states.
     """
@@ -212,7 +212,7 @@ def valued(mdp: OrdinalMDP, chain: sparse.csr_array, gain: Floats, ends: Floats)
 
 
 def _rule(mdp: OrdinalMDP, policy: ArrayLike) -> sparse.csr_array:
-    """Return the policy as CSR (S, S*A): row s holds the probability of a in column s*A + a."""
+    """Return a policy as CSR (S, S*A): row s has the probability of a in column s*A + a."""
     n, m = mdp.levels.shape
     given, live = np.asarray(policy), ~mdp.terminal
     weights = np.zeros((n, m))

@@ -1,4 +1,4 @@
-"""Tables of other shapes as the one that ``OrdinalMDP.from_sparse`` stores.
+"""Transition tables of several shapes, converted to the one that ``OrdinalMDP`` stores.
 
 That is CSR (S*A, S), with row s*A + a for (s, a).
 """
@@ -20,7 +20,7 @@ Matrix: TypeAlias = sparse.sparray | sparse.spmatrix
 
 
 def from_dense(transitions: ArrayLike) -> sparse.csr_array:
-    """Return the table of a dense one (S, A, S) of p(s, a, s')."""
+    """Return the table for a dense array (S, A, S) of p(s, a, s')."""
     table = checks.numbers("transitions", transitions)
     if table.ndim != 3 or table.shape[0] != table.shape[2] or 0 in table.shape:
         raise ValueError(f"transitions must have shape (S, A, S), not {table.shape}")
@@ -29,7 +29,7 @@ def from_dense(transitions: ArrayLike) -> sparse.csr_array:
 
 
 def from_sparse(transitions: Matrix | Sequence[Matrix]) -> sparse.csr_array:
-    """Return the table of one matrix (S*A, S), or of A matrices (S, S)."""
+    """Return the table for a single matrix (S*A, S), or for A matrices (S, S)."""
     if sparse.issparse(transitions):
         matrix = _csr("transitions", transitions)
         if 0 in matrix.shape or matrix.shape[0] % matrix.shape[1]:
@@ -53,9 +53,9 @@ def from_pairs(
     a_indices: ArrayLike,
     k: int,
 ) -> tuple[sparse.csr_array, Indices, Flags]:
-    """Return the table of L state-action pairs, the levels (S, A), and flags (S, A).
+    """Return the table of L state-action pairs, the levels (S, A), and flags (S, A) of the pairs.
 
-    The levels are of k. A flag says whether the pair is listed.
+    There are k levels. A flag says whether the pair is listed.
     """
     if not sparse.issparse(transitions):
         transitions = checks.numbers("transitions", transitions)
@@ -88,9 +88,9 @@ def from_pairs(
 
 
 def padded(matrix: sparse.csr_array, read: Flags) -> tuple[Indices, Floats]:
-    """Return successors and probabilities (S, A, b) of the entries that are not zero.
+    """Return the non-zero entries of a table as successors and probabilities (S, A, b).
 
-    Only the rows to be ``read`` (S, A) count.
+    Only the rows flagged in ``read`` (S, A) count.
     """
     p = np.where(np.repeat(read.ravel(), np.diff(matrix.indptr)), matrix.data, 0.0)
     matrix = sparse.csr_array((p, matrix.indices, matrix.indptr), shape=matrix.shape, copy=True)
@@ -108,7 +108,7 @@ def padded(matrix: sparse.csr_array, read: Flags) -> tuple[Indices, Floats]:
 
 
 def _csr(name: str, matrix: Matrix) -> sparse.csr_array:
-    """Return a sparse matrix as canonical CSR, without changing it."""
+    """Return a sparse matrix as canonical CSR. The given matrix is not changed."""
     if not sparse.issparse(matrix) or matrix.ndim != 2:
         raise ValueError(f"{name} must be a SciPy sparse matrix, not {type(matrix).__name__}")
     csr = sparse.csr_array(matrix, dtype=np.float64)

@@ -1,11 +1,11 @@
-"""Approximate solutions of large MDPs, from a solution nearby.
+"""Approximate solutions of large MDPs, each from a solution nearby.
 
-The method is sweeps, which stop on the span of a change. A sweep moves all states' values up or
-down together far longer than it moves them apart. The common part is known at once: after changes
-between ``low`` and ``high`` the values still have between discount / (1 - discount) times these to
-go (MacQueen 1966). So sweeps stop once high - low is small, and half of low + high is added. If
-states mix slowly, as on grids, thousands of sweeps would be needed. Then linear systems are solved
-instead.
+The method is sweeps of value iteration that stop early. Sweeps need a long time to move all values
+up or down together, and a short time to settle the differences between states. But the common part
+is known at once: after changes between ``low`` and ``high``, the values still have between discount
+/ (1 - discount) times these to go (MacQueen 1966). So sweeps stop once high - low is small, and the
+common part is added. If states mix slowly, as on grids, thousands of sweeps would be needed. Then
+linear systems are solved instead.
 
 Nothing here is exact, and nothing relies on it: callers that need certainty bound the error
 (``loss_bound``).
@@ -26,13 +26,11 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import Actions, valued
 
 _LOOK = 4  # sweeps between two measurements of their pace
-_WORTH = 40  # a linear system takes about as long as so many sweeps
+_WORTH = 40  # a linear system takes about as long as this many sweeps
 _ROUNDS = 200  # largest number of policies
 _ROUNDING = 1e-14  # sweeps need not get below this width
 _COARSE = 4e-6  # single precision sweeps shares to this width, forty times its rounding
-_LARGE = (
-    4_000_000  # from so many products in a sweep on, single precision is worth a copy of the chain
-)
+_LARGE = 4_000_000  # with more products in a sweep, single precision is worth a copy of the chain
 _MOST_COARSE = 30  # largest number of sweeps in single precision
 _AT_ONCE = 1 << 14  # states whose changes are in memory at the same time
 _FINEST = 1e-8  # values that choose questions are swept no further than to this width
@@ -49,15 +47,16 @@ def nearly_optimal(
     last: Actions | None = None,
     states: Actions | None = None,
 ) -> tuple[Floats, Actions, float]:
-    """Return the greatest discounted total (S,) of gain (S, A), to about ``within``.
+    """Return the greatest discounted total (S,) of rewards ``gain`` (S, A), to about ``within``.
 
-    Also return a policy (S,) that is nearly greedy for it, and an upper bound on the missing part
-    of the total at any state. A terminal state's total is ``ends`` (S,). The method is modified
-    policy iteration (Puterman and Shin 1978) from ``start`` (S,).
+    Also return a policy (S,) that is nearly greedy for it, and an upper bound on what the total
+    lacks at any state. A terminal state's total is ``ends`` (S,). The method is modified policy
+    iteration (Puterman and Shin 1978) from ``start`` (S,).
 
     Actions of the policy ``last`` (S,) are kept if they are as good, to within (1 - discount)
     ``within``. If ``states`` (n,) are given, sweeps end once the totals are good enough at these
-    states, as far as their changes tell, and the upper bound is of these alone: it proves nothing.
+    states, as far as their changes tell. The upper bound is then of these states alone, and proves
+    nothing.
     """
     rows, ratio = np.arange(mdp.n_states), mdp.discount / (1 - mdp.discount)
     ends = np.where(mdp.terminal, ends, 0.0)
@@ -85,13 +84,13 @@ def nearly_valued(
     within: float,
     states: Actions | None = None,
 ) -> Floats:
-    """Return the vector value of a deterministic policy (S,), nearly: shares (S, k).
+    """Return the approximate vector value of a deterministic policy (S,), as shares (S, k).
 
-    ``evaluate_policy`` gives it exactly. If the tail sums of these shares were backed up along the
-    policy, they would change by amounts that differ from state to state by little more than
-    ``within``. If states are terminal, the amounts differ from 0 by as little. The sweeps begin at
-    the shares ``start`` (S, k), if there are any. If ``states`` (n,) are given, the amounts count
-    at these states only.
+    ``evaluate_policy`` gives the exact one. The accuracy is this: if the tail sums of these shares
+    were backed up along the policy, the changes would differ from state to state by little more
+    than ``within``. If some states are terminal, the changes themselves would be as small. The
+    sweeps begin at the shares ``start`` (S, k), if there are any. If ``states`` (n,) are given,
+    only the changes at these states count.
     """
     levels, chain = np.arange(mdp.k - 1), _chain(mdp, policy)
     ends = ((mdp.final_level[:, None] > levels) & mdp.terminal[:, None]).astype(np.float64)
@@ -117,7 +116,7 @@ def nearly_valued(
 
 
 def _chain(mdp: OrdinalMDP, policy: Actions) -> sparse.csr_array:
-    """Return the transitions (S, S) under a policy."""
+    """Return the transition matrix (S, S) of a policy."""
     return mdp.transitions[np.arange(mdp.n_states) * mdp.n_actions + policy]
 
 
@@ -130,7 +129,7 @@ def _followed(
     within: float,
     states: Actions | None = None,
 ) -> Floats:
-    """Return discounted totals (S, c) of ``gain`` (S, c) in a chain, from v (S, c).
+    """Return discounted totals (S, c) of rewards ``gain`` (S, c) in a chain, from v (S, c).
 
     Terminal states' totals are ``ends`` (S, c). Sweeps go on until no column's changes differ by
     more than ``within`` from state to state, or among ``states`` (n,). v is overwritten.
@@ -163,10 +162,10 @@ def _followed_coarsely(
     within: float,
     states: Actions | None,
 ) -> tuple[Floats, bool]:
-    """Return v (S, c) after sweeps in single precision, which need half the memory and time.
+    """Return the totals of ``_followed`` by sweeps in single precision, and if they suffice.
 
-    They end at ``within``, at the limit of single precision, or once they are too slow. Also return
-    whether they came to ``within``.
+    Single precision needs half the memory and time. The sweeps end at ``within``, at the limit of
+    single precision, or once they are too slow.
     """
     coarse = sparse.csr_array(
         (chain.data.astype(np.float32), chain.indices, chain.indptr), shape=chain.shape
@@ -192,10 +191,10 @@ def _swept(
     v: Any,
     states: Actions | None = None,
 ) -> tuple[Any, Floats, Floats]:
-    """Return the values (S, c) after one sweep: ``gain`` plus discounted v (S, c).
+    """Return the values (S, c) after one sweep, and each column's least and greatest change.
 
-    Terminal states have their ``ends`` (S, c). Also return the least and the greatest change of
-    each column, among ``states`` (n,) if they are given.
+    A sweep gives ``gain`` plus discounted v (S, c), and ``ends`` (S, c) in terminal states. If
+    ``states`` (n,) are given, the changes are those at these states.
     """
 
     def sweep(first: int, last: int) -> tuple[Any, Floats]:
@@ -232,11 +231,11 @@ def _improved(
     slack: float,
     states: Actions | None,
 ) -> tuple[Floats, Actions, Floats, Floats]:
-    """Return the values (S,) after one sweep, and the actions (S,) that attain them.
+    """Return the values (S,) after one sweep, the actions (S,) that attain them, and two numbers.
 
-    Of equally good actions the first is taken, but those of ``last`` (S,) are kept where they are
-    as good to within ``slack``. Also return the least and the greatest change from v (S,), among
-    ``states`` (n,) if they are given.
+    The numbers are the least and the greatest change from v (S,), over ``states`` (n,) if they are
+    given. Of equally good actions the first is taken, but those of ``last`` (S,) are kept if they
+    are as good to within ``slack``.
     """
     best, greedy, m = np.empty_like(v), np.empty(len(v), dtype=np.int64), mdp.n_actions
 
@@ -272,9 +271,9 @@ def _over_all(changes: list[Floats]) -> tuple[Floats, Floats]:
 
 
 def _to_go(mdp: OrdinalMDP, low: Floats, high: Floats) -> Floats:
-    """Return the amount to add to all values after changes between ``low`` and ``high``.
+    """Return the amount to add to all values after a sweep's changes between ``low`` and ``high``.
 
-    It is the middle of the remaining way, or 0 if some states are terminal.
+    It is the middle of what is still to come, or 0 if some states are terminal.
     """
     middle: Floats = mdp.discount / (1 - mdp.discount) * (low + high) / 2
     return np.zeros_like(middle) if mdp.terminal.any() else middle

@@ -1,4 +1,4 @@
-"""Policies for several people: one for the worst off, and what following another's costs each.
+"""Policies for several people: for the worst off, and the cost of following another's policy.
 
-What a panel of people knows is an ``elicit.Panel``; learners take it as any other comparator.
+The people's knowledge is an ``elicit.Panel``. Learners take it as any other comparator.
 """

@@ -1,8 +1,8 @@
 """Asking a panel until the policy for its worst-off member is proven.
 
-The policy is that of ``qlearn.panel.worst_off`` for the members' best guesses. As long as another
-policy could have a greatest loss that is smaller by more than the tolerance, a member is asked
-about what this policy and a better one for them differ by.
+The policy is that of ``qlearn.panel.worst_off`` for the members' best guesses. As long as the
+greatest loss of another policy could be smaller by more than the tolerance, a question follows: a
+member is asked about the difference between this policy and a better one for them.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from qlearn.mdp.planning import evaluate_policy
 from qlearn.panel.following import check_panel
 from qlearn.panel.worst_off import WorstOff, WorstOffPolicy, worst_off
 
-_LOOKED_AT = 40  # differences a member and round, of which the widest is asked about
+_LOOKED_AT = 40  # differences for each member and round; the widest is asked about
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -37,14 +37,14 @@ class WorstOffResult(Result):
     """A result whose policy is for the worst-off member of a panel.
 
     ``worst_off`` has the policy, which may draw its actions, and its bounds. ``policy`` is the best
-    one found that draws none, and ``loss_bound`` is what that one loses by the mean scale.
+    deterministic policy found, and ``loss_bound`` is its loss under the mean scale.
     """
 
     found: Callable[[], WorstOffPolicy] | None = None
 
     @property
     def worst_off(self) -> WorstOffPolicy:
-        """The policy with the least greatest loss, and what it loses each member."""
+        """The policy whose greatest loss to any member is least, and its loss to each member."""
         assert self.found is not None
         return self.found()
 
@@ -64,9 +64,9 @@ class WorstOffIteration(Learner):
     mdp : OrdinalMDP
     panel : Panel
     tolerance : float
-        Stop once the policy is proven this near to the best policy for the worst-off: the greatest
-        loss of any member exceeds the least that a policy could have by at most this share of the
-        value range. Losses are from the distribution of first states.
+        Stop once the policy is proven this near to the best one for the worst-off. Its greatest
+        loss to any member then exceeds the least that a policy could have by at most this share of
+        the value range. Losses are from the distribution of first states.
     **asking
         The options of ``elicit.AskingOptions``. One question is asked at a time.
 
@@ -79,10 +79,10 @@ class WorstOffIteration(Learner):
 
     Notes
     -----
-    Each round solves one linear program over occupancies and plans once for each member, so it is
-    for MDPs of up to some thousand states. If the members' bounds depend on draws, the proof adds
-    up a bound on each advantage. That is coarser than the proof of policy iteration for the mean
-    scale. The learner then asks many more questions, or ends before the tolerance is reached.
+    Each round solves a linear program over occupancies and plans once for each member, so it is for
+    MDPs of up to some thousand states. If the members' bounds depend on draws, the proof adds up a
+    bound on each advantage. That is coarser than the proof of policy iteration for the mean scale.
+    The learner then asks many more questions, or ends before the tolerance is reached.
     """
 
     @takes_rng
@@ -135,10 +135,10 @@ class WorstOffIteration(Learner):
         return ()
 
     def _telling_pair(self, now: WorstOff) -> Pair | None:
-        """Return a question to a member about whom most is open, or None if nobody can tell more.
+        """Return a question to the member about whom most is open, or None if no answer would help.
 
-        Differences between whole policies come first, and those of single actions only if nothing
-        can be learned from these.
+        Differences between whole policies come first. Differences between single actions follow if
+        nothing can be learned from these.
         """
         panel, telling = self._panel, now.telling()
         for part in (slice(0, 3), slice(3, 3 + _LOOKED_AT), slice(3, None)):
@@ -177,7 +177,7 @@ class WorstOffIteration(Learner):
 
 
 def _pair(d: Floats, who: str) -> Pair:
-    """Return the question about a difference d (k,), between two mixtures of levels."""
+    """Return the question to a member about a difference d (k,), between two mixtures of levels."""
     left, right = np.maximum(d, 0.0), np.maximum(-d, 0.0)
     total = max(left.sum(), right.sum())
     return Pair(left / total, right / total, "two mixtures of levels: left or right?", who=who)

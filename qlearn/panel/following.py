@@ -1,4 +1,4 @@
-"""Cost to each member of a panel of following another's policy."""
+"""The cost to each member of a panel of following another member's policy."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from qlearn.mdp.planning import policy_loss, value_iteration
 
 @dataclass(frozen=True, eq=False)
 class Following:
-    """Losses of each member under each member's best policy, and under that of the mean.
+    """Losses of each member under each member's best policy, and under the best for the mean.
 
-    Losses are shares of the value range, at the worst state, as ``Result.loss_bound`` is. Of a
-    choice from a list, the alternative that is best for each takes the place of their policy.
+    Losses are shares of the value range, at the worst state, as ``Result.loss_bound`` is. For a
+    choice from a list, alternatives take the place of policies.
 
     Attributes
     ----------
     people : tuple of str
-        The n members, one a row.
+        The n members, a row for each.
     followed : tuple of str
-        Those whose policy is followed, one a column: the members, then "the mean".
+        Those whose policy is followed, a column for each: the members, then "the mean".
     losses : (n, n + 1)
         The loss, if scales are the best guesses of the members' comparators.
     bounds : (n, n + 1)
-        Upper bounds on it over all scales that the row's comparator holds plausible.
+        Upper bounds on the loss over all scales that the row's comparator holds plausible.
     of_policies : bool
         False if alternatives from a list are followed.
     """
@@ -47,7 +47,7 @@ class Following:
     of_policies: bool = True
 
     def __str__(self) -> str:
-        """Return the table in percent, best guess and in brackets the bound."""
+        """Return the table in percent: losses by the best guess, and in brackets the bounds."""
         cells = [
             [f"{100 * loss:.1f} ({100 * bound:.1f})" for loss, bound in zip(*row, strict=True)]
             for row in zip(self.losses, self.bounds, strict=True)
@@ -69,7 +69,7 @@ class Following:
 
 @one_thread
 def cost_of_following(mdp: OrdinalMDP, panel: Panel) -> Following:
-    """Return what each member of a panel loses by following another's policy, or the mean's.
+    """Return each member's loss from following another member's policy, or that of the mean.
 
     A member's policy is the best one for the best guess of their comparator.
 
@@ -105,10 +105,10 @@ def cost_of_following(mdp: OrdinalMDP, panel: Panel) -> Following:
 
 @one_thread
 def cost_of_following_a_choice(vectors: ArrayLike, panel: Panel) -> Following:
-    """Return what each member loses by taking the alternative that is best for another.
+    """Return each member's loss from taking the alternative that is best for another member.
 
-    A member's choice is the best alternative for the best guess of their comparator, the first in
-    the list of equals.
+    A member's choice is the best alternative for the best guess of their comparator. If several are
+    equal, it is the first in the list.
 
     Parameters
     ----------
@@ -144,13 +144,13 @@ def cost_of_following_a_choice(vectors: ArrayLike, panel: Panel) -> Following:
 
 
 def _most(member: Comparator, d: Floats) -> float:
-    """Return an upper bound on the greatest d.e."""
+    """Return an upper bound on the greatest d.e of differences d (n, k) for a member."""
     high, _ = simultaneous_bounds(member, d)
     return float(np.clip(high.max(), 0.0, 1.0))
 
 
 def check_panel(mdp: OrdinalMDP, panel: Panel) -> None:
-    """Raise TypeError or ValueError unless these are an MDP and a panel of its levels."""
+    """Raise TypeError or ValueError unless these are an MDP and a panel over the same levels."""
     if not isinstance(mdp, OrdinalMDP):
         raise TypeError(f"mdp must be a qlearn.OrdinalMDP, not {mdp!r}")
     if not isinstance(panel, Panel):

@@ -1,9 +1,9 @@
 """The policy whose greatest loss to any member of a panel is the least.
 
-The mean of several scales can leave one person badly off. A linear program over occupancies (the
-discounted time that a policy spends at each state and action) finds the policy that loses the
-worst-off member the least. Such a policy may have to draw its actions: for two people who want
-opposite things, half and half can leave each better off than either.
+The best policy for the mean of several scales can leave one person badly off. The policy here is
+found by a linear program over occupancies (the discounted time that a policy spends at each state
+and action). Such a policy may have to draw its actions: for two people who want opposite things,
+half and half can be better for the worse off than either.
 """
 
 from __future__ import annotations
@@ -32,28 +32,28 @@ _LEAST = 1e-12  # occupancies below that are rounding
 
 @dataclass(frozen=True, eq=False)
 class WorstOffPolicy:
-    """A policy for the worst-off member of a panel. ``print`` says what it loses each.
+    """A policy for the worst-off member of a panel. ``print`` says each member's loss.
 
     Losses are shares of the value range, from the MDP's initial distribution.
 
     Attributes
     ----------
     probabilities : (S, A)
-        The chance of each action.
+        The probability of each action.
     losses : mapping of str to float
-        Cost of the policy to each member, if their scale is their comparator's best guess.
+        The policy's loss to each member, if their scale is their comparator's best guess.
     bounds : mapping of str to float
-        Upper bounds on the same over all scales that the member's comparator holds plausible.
+        Upper bounds on these losses over all scales that the member's comparator holds plausible.
     excess : float
-        Upper bound on how much more the policy's greatest loss is than the least that any policy
-        could have, over all scales that the members' comparators hold plausible.
+        Upper bound on the policy's greatest loss minus the least that any policy could have, over
+        all scales that the members' comparators hold plausible.
     confidence : float
         The probability that all these bounds hold: 1 if they are proven, nan if none can be stated.
     policy : (S,) actions
-        The best of the policies that draw nothing which were tried: each member's best, the best
-        for the mean, and the likeliest actions of ``probabilities``. There may be better ones.
+        The best deterministic policy that was tried. Tried are each member's best, the best for the
+        mean, and the likeliest actions of ``probabilities``. There may be better ones.
     policy_losses : mapping of str to float
-        Cost of that policy to each member, as ``losses``.
+        The loss of ``policy`` to each member, as ``losses``.
     """
 
     probabilities: Floats
@@ -89,15 +89,15 @@ class WorstOffPolicy:
 
 @one_thread
 def policy_for_the_worst_off(mdp: OrdinalMDP, panel: Panel) -> WorstOffPolicy:
-    """Return the policy with the least greatest loss to any member of a panel.
+    """Return the policy whose greatest loss to any member of a panel is least.
 
     Parameters
     ----------
     mdp : OrdinalMDP
     panel : Panel
-        The members' best guesses at their scales are taken as the scales. Their weights play no
-        part. Ask first, for example by policy iteration with the same panel, and give the result's
-        comparator.
+        The members' best guesses at their scales are taken as the scales. Their weights do not
+        matter. Ask first, for example by policy iteration with the same panel, and give the
+        result's comparator.
 
     Returns
     -------
@@ -112,20 +112,20 @@ def policy_for_the_worst_off(mdp: OrdinalMDP, panel: Panel) -> WorstOffPolicy:
 
     Notes
     -----
-    The loss is from the MDP's initial distribution, not at the worst state as
-    ``Result.loss_bound`` is. The losses are the least for the best guesses alone. ``bounds`` and
-    ``excess`` say what is proven of the policy for other plausible scales, but it is not chosen by
-    them. A panel with ``aim="worst"`` makes ``qlearn.solve`` ask until ``excess`` is within the
-    tolerance.
+    The loss is from the MDP's initial distribution, not at the worst state as ``Result.loss_bound``
+    is. The policy is chosen for the best guesses alone. ``bounds`` and ``excess`` say what is
+    proven of it for other plausible scales. A panel with ``aim="worst"`` makes ``qlearn.solve`` ask
+    until ``excess`` is within the tolerance.
     """
     return worst_off(mdp, panel).policy
 
 
 class WorstOff(NamedTuple):
-    """A policy for the worst-off, and what its bounds depend on.
+    """A policy for the worst-off member, and differences to ask about.
 
-    ``telling`` names the members, the most important first, each with the differences (n, k) of
-    whole policies, and then of actions, about which an answer of theirs may narrow the bounds.
+    ``telling`` names the members, the most important first. Each comes with differences (n, k)
+    about which their answer may narrow the bounds: first between whole policies, then between
+    actions.
     """
 
     policy: WorstOffPolicy
@@ -134,7 +134,7 @@ class WorstOff(NamedTuple):
 
 @one_thread
 def worst_off(mdp: OrdinalMDP, panel: Panel) -> WorstOff:
-    """Return the policy for the worst-off member, and what to ask whom about."""
+    """Return the policy for the worst-off member, and which member to ask about what."""
     check_panel(mdp, panel)
     scales = {name: best_guess(member) for name, member in panel.members.items()}
     probabilities, weights = _least_greatest_loss(mdp, np.stack([*scales.values()]))
@@ -159,20 +159,20 @@ def worst_off(mdp: OrdinalMDP, panel: Panel) -> WorstOff:
 def _losses(
     mdp: OrdinalMDP, policy: NDArray[np.int64] | Floats, scales: Mapping[str, Floats]
 ) -> dict[str, float]:
-    """Return what a policy costs each person, by name, from the initial distribution."""
+    """Return a policy's loss to each person, by name, from the initial distribution."""
     return {
         name: float(mdp.initial @ policy_loss(mdp, policy, scale)) for name, scale in scales.items()
     }
 
 
 def _least_greatest_loss(mdp: OrdinalMDP, scales: Floats) -> tuple[Floats, Floats]:
-    """Return the chances (S, A) of actions under which the greatest loss on scales (n, k) is least.
+    """Return action probabilities (S, A) whose greatest loss to any scale is least, and weights.
 
-    Also return the weights (n,) of the members, of total 1, which prove that (the dual solution):
-    no policy has a smaller weighted mean of losses.
+    The scales are (n, k). The weights (n,), of total 1, are the dual solution and prove it: no
+    policy has a smaller weighted mean of losses.
 
-    The unknowns of the program are the occupancy of each admissible (s, a) where s goes on, in
-    total at most 1, and the greatest loss.
+    The unknowns of the program are the greatest loss and the occupancy of each admissible (s, a) in
+    states that are not terminal, in total at most 1.
     """
     from scipy.optimize import linprog
 
@@ -204,7 +204,7 @@ def _least_greatest_loss(mdp: OrdinalMDP, scales: Floats) -> tuple[Floats, Float
     chances = np.zeros(mdp.levels.shape)
     chances.flat[columns] = np.where(found.x[:-1] > _LEAST, found.x[:-1], 0.0)
     total = chances.sum(axis=1, keepdims=True)
-    unvisited = total[:, 0] == 0  # what is done there matters to nobody who starts as told
+    unvisited = total[:, 0] == 0  # actions there do not matter from the initial distribution
     policy = value_iteration(mdp, scales.mean(axis=0))[1]
     chances[unvisited] = np.eye(m)[policy[unvisited]]
     weights = np.maximum(-np.asarray(found.ineqlin.marginals), 0.0)
@@ -215,7 +215,7 @@ def _least_greatest_loss(mdp: OrdinalMDP, scales: Floats) -> tuple[Floats, Float
 
 
 class _Proven(NamedTuple):
-    """Bounds on the losses of a policy, and the arrays that they were made of."""
+    """Bounds on a policy's losses, and the arrays that they were made from."""
 
     bounds: dict[str, float]
     excess: float
@@ -226,7 +226,7 @@ class _Proven(NamedTuple):
     place: NDArray[np.int64]
     action: NDArray[np.int64]
     high: Floats  # (n, advantages), each member's upper bounds
-    gained: Floats  # (n, k), what each member's best policy has more than this one at the start
+    gained: Floats  # (n, k), each member's best policy minus this one, at the start
 
 
 def _bounds(
@@ -236,13 +236,16 @@ def _bounds(
     weights: Floats,
     best_of: Mapping[str, NDArray[np.int64]],
 ) -> _Proven:
-    """Return upper bounds on each member's loss, and on the excess of the greatest.
+    """Return upper bounds on a policy's loss to each member, and on its excess.
 
-    As in ``certificates.loss_bound``: advantages are bounded, and what a policy can collect of
-    these bounds is at least the loss. For the excess, let w be weights of total 1. The greatest
-    loss of any policy is at least the w-mean of its losses. By that mean it is better than this
-    policy by at most what can be collected of the w-mean of the bounds. And this policy loses each
-    member at least what the member's best policy has more.
+    The loss is bounded as in ``certificates.loss_bound``: by the most that a policy can collect of
+    bounds on the advantages.
+
+    The excess is the policy's greatest loss, minus the least greatest loss of any policy. Let w be
+    weights of total 1. Any policy's greatest loss is at least the w-mean of its losses. That mean
+    is at most so much below this policy's as can be collected of the w-mean of the bounds. So the
+    excess is at most this policy's greatest loss, minus the w-mean of lower bounds on its losses,
+    plus what can be collected.
     """
     states = np.flatnonzero(~mdp.terminal)
     v = evaluate_policy(mdp, chances)
@@ -275,7 +278,7 @@ def _bounds(
 def _collected(
     mdp: OrdinalMDP, states: NDArray[np.int64], actions: NDArray[np.int64], high: Floats
 ) -> Floats:
-    """Return what can be collected (S,) of bounds on advantages."""
+    """Return the most (S,) that a policy can collect of bounds on advantages, from each state."""
     return greatest_total(mdp, _gain(mdp, states, actions, high))
 
 
@@ -288,7 +291,7 @@ def _gain(
 
 
 def _telling(mdp: OrdinalMDP, panel: Panel, proven: _Proven) -> list[tuple[str, float, Floats]]:
-    """Return members, by how much they count, and differences to ask them about.
+    """Return members, the most important first, and differences to ask them about.
 
     The first differences are between this policy and those that collect most of the bounds.
     """
@@ -306,7 +309,10 @@ def _telling(mdp: OrdinalMDP, panel: Panel, proven: _Proven) -> list[tuple[str, 
 
 
 def _better(mdp: OrdinalMDP, proven: _Proven, high: Floats) -> Floats:
-    """Return what the policy that collects most of these bounds has more at the start (k,)."""
+    """Return the difference (k,), at the start, between another policy's vector and this one's.
+
+    The other policy is the one that collects most of the bounds ``high``.
+    """
     gain = _gain(mdp, proven.place, proven.action, high)
     total = np.where(mdp.terminal, 0.0, greatest_total(mdp, gain))
     columns = mdp.transitions @ total

@@ -1,6 +1,6 @@
-"""The paper's claims by the rows of ``figures``, with intervals over runs.
+"""The paper's claims, tested on the rows of ``figures``, with intervals over runs.
 
-There is one for each comparator and tutor.
+Each claim is tested for every comparator and tutor.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ _BOUND = 1.0  # percent: "the average percentage of loss is lower than 1%"
 
 
 def series_of(frame: pd.DataFrame, name: str) -> pd.DataFrame:
-    """Return the rows of the series over ``name``, "levels" or "states".
+    """Return the rows of the series in which ``name`` varies, "levels" or "states".
 
-    They have the commonest number of the other one.
+    The other number is fixed at its commonest value.
     """
     other = "states" if name == "levels" else "levels"
     points = frame[["states", "levels"]].drop_duplicates()
@@ -65,10 +65,10 @@ def series_of(frame: pd.DataFrame, name: str) -> pd.DataFrame:
 
 
 def summarise_series(frame: pd.DataFrame) -> pd.DataFrame:
-    """Return one row a point of a series and comparator: means over runs.
+    """Return a row for each point of a series and each comparator: means over runs.
 
-    ``<name>_half`` is half the width of the 95% t-interval of one of ``MEASURES`` (nan from one
-    run).
+    ``<name>_half`` is half the width of the 95% t-interval of one of ``MEASURES`` (nan from a
+    single run).
     """
     parts = []
     for name in ("levels", "states"):
@@ -81,18 +81,20 @@ def summarise_series(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def claims(frame: pd.DataFrame) -> pd.DataFrame:
-    """Return the paper's claims, one row for every comparator and way of measuring.
+    """Return the paper's claims: a row for every comparator and way of measuring.
 
-    Each has a 95% t-interval over seeds.
+    Each has a 95% t-interval over seeds. What is not defined (one seed, one point) is nan. The
+    oracle, with nothing to compare, is left out.
 
-    Figures 2 and 3, that the percentage asked rises: ``estimate`` is the mean over seeds of its
-    least squares slope, in percentage points for 5 levels, or 100 states, more; ``agreeing`` counts
-    the seeds whose own slope has its sign. ``answer``: "holds" where the interval lies above 0,
-    "does not hold" where below, else "inconclusive". Figure 4, that the loss is below 1%: the mean
-    loss over all sizes of a seed, in percent; ``worst`` is the greatest distance from zero of an
-    end of the interval at one size. ``answer``: "holds" if ``worst`` is below 1; "does not hold" if
-    the interval of some size lies beyond 1% on one side; else "inconclusive". The oracle, with
-    nothing to compare, is left out. What is not defined (one seed, one point) is nan.
+    Figures 2 and 3 claim that the percentage asked rises. ``estimate`` is the mean over seeds of
+    its least squares slope, in percentage points for 5 more levels, or 100 more states.
+    ``agreeing`` counts the seeds whose own slope has the same sign. ``answer`` is "holds" if the
+    interval lies above 0, "does not hold" if below, else "inconclusive".
+
+    Figure 4 claims that the loss is below 1%. ``estimate`` is the mean loss over all sizes of a
+    seed, in percent. ``worst`` is the greatest distance from zero of an end of the interval at one
+    size. ``answer`` is "holds" if ``worst`` is below 1, "does not hold" if the interval of some
+    size lies beyond 1% on one side, else "inconclusive".
     """
     found: list[dict[str, Any]] = []
     for figure, name in ((2, "levels"), (3, "states")):
@@ -109,7 +111,7 @@ def claims(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def answers(told: pd.DataFrame, figure: int, measure: str) -> dict[str, dict[str, Any]]:
-    """Return the rows of ``claims`` of one figure and measure, by comparator and tutor."""
+    """Return the rows of ``claims`` of a figure and a measure, by comparator and tutor."""
     rows = told[(told.figure == figure) & (told.measure == measure)]
     return {
         str(name): {str(row.errs): row for row in some.itertuples()}
@@ -118,15 +120,15 @@ def answers(told: pd.DataFrame, figure: int, measure: str) -> dict[str, dict[str
 
 
 def tutors_of(told: pd.DataFrame) -> list[str]:
-    """The tutors of ``claims``, the most precise first."""
+    """Return the tutors in a table of ``claims``, the most precise first."""
     return [name for name in TUTORS if (told.errs == name).any()]
 
 
 def sizes_of(frame: pd.DataFrame, figure: int, names: Mapping[str, str] | None = None) -> str:
-    """Return the sizes of a figure and its runs a point, in words.
+    """Return, in words, the sizes in a figure and its number of runs for each point.
 
-    It also says which comparators with which tutors have fewer sizes; ``names`` of comparators, if
-    they are called otherwise.
+    The text also says which comparators with which tutors have fewer sizes. ``names`` are names of
+    comparators other than the usual ones.
     """
     axis = "levels" if figure == 2 else "states"
     rows = series_of(frame, axis)
@@ -152,12 +154,12 @@ def listed(arms: Mapping[str, Sequence[str]]) -> str:
 
 
 def error_rates(frame: pd.DataFrame) -> pd.DataFrame:
-    """Return error rates of tutors in percent, one row for each comparator and erring tutor.
+    """Return tutors' error rates in percent: a row for each comparator and erring tutor.
 
     Column ``reference`` is the expected share of wrong answers to the comparisons of an optimal
-    policy that dominance leaves open. Column ``realised`` is the share of wrong answers that were
-    given. Both are means over runs and sizes. ``_low`` and ``_high`` are the least and the greatest
-    mean at one size.
+    policy that dominance does not decide. Column ``realised`` is the share of wrong answers that
+    were given. Both are means over runs and sizes. ``_low`` and ``_high`` are the least and the
+    greatest mean at a single size.
     """
     rows = frame[frame.error_rate > 0]
     parts = [("reference", "error_rate"), ("realised", "realised_error_rate")]
@@ -220,7 +222,7 @@ _HEAD = ("figure", "comparator", "tutor", "measured", "estimate", "95% interval"
 def claims_page(frame: pd.DataFrame) -> str:
     """Return the claims of these runs as a page of Markdown.
 
-    It has at most 140 columns, to be read as text too.
+    Its lines have at most 140 columns, so that it can be read as text too.
     """
     told = claims(frame)
     tutors = tutors_of(told)
@@ -272,7 +274,7 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def _cells(row: Any) -> tuple[str, ...]:
     """Return a claim as a line of the page's last table.
 
-    What is not defined (of one run, say) is empty.
+    What is not defined (with a single run, say) is empty.
     """
     measure = (
         str(row.measure)
@@ -322,7 +324,7 @@ def _below(arm: Any, rows: pd.DataFrame, measure: str) -> dict[str, Any]:
 
 
 def _claim(figure: int, arm: Any, measure: str, statistic: str, by_seed: Floats) -> dict[str, Any]:
-    """Return a claim on some runs, and the mean over seeds with its interval."""
+    """Return a claim on some runs: a row with the mean over seeds and its interval."""
     head = {
         "figure": figure,
         "comparator": arm[0],
@@ -335,6 +337,6 @@ def _claim(figure: int, arm: Any, measure: str, statistic: str, by_seed: Floats)
 
 
 def _interval(x: Floats) -> tuple[float, float, float]:
-    """Mean, and the ends of the 95% t-interval; nan from one number."""
+    """Return the mean and the ends of the 95% t-interval; nan from a single number."""
     mean, half = float(np.mean(x)), half_width(x)
     return mean, mean - half, mean + half

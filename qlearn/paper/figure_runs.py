@@ -1,12 +1,12 @@
 """The runs of the paper's figures 2, 3 and 4.
 
-They are its two series of random MDPs, over seeds that all comparators share.
+They are its two series of random MDPs, with the same seeds for all comparators.
 
-The paper's comparator (the box, with its footnote 3 and without) and the posterior are put to
-tutors of several precisions, who err as in eq. (6), for the paper does not say how precise its
-tutor was; the polytope to one who never errs, for it takes every answer as a fact. Beside them runs
-the oracle, which always asks a truthful tutor. All of one seed meet the same transitions (uniform
-exploration), so that they differ by verdicts alone.
+The paper does not say how precise its tutor was. So the paper's comparator (the box, with its
+footnote 3 and without) and the posterior meet tutors of several precisions, who err as in the
+paper's eq. (6). The polytope meets a tutor who never errs, because it takes every answer as a fact.
+The oracle, which always asks a truthful tutor, runs beside them. All runs of a seed see the same
+transitions (uniform exploration), so that they differ by verdicts alone.
 """
 
 from __future__ import annotations
@@ -46,27 +46,26 @@ def figures(
     progress: Callable[[int, int], None] | None = None,
     **changes: Any,
 ) -> pd.DataFrame:
-    """Run both series and return one row a run, in the order of ``KEYS``.
+    """Run both series and return a row for each run, in the order of ``KEYS``.
 
-    The last column has the seconds that the run took.
+    The last column has the seconds that the run took. ``changes`` are fields of ``FiguresSettings``
+    by name, in place of those of ``settings`` (default: the defaults).
 
-    ``changes`` are fields of ``FiguresSettings`` by name, in place of those of ``settings``
-    (default: the defaults).
+    A problem in both series is run once. The oracle always runs. To save time, precisions between
+    the first and the last are run at every other size only. Their slopes are nearly as accurate.
 
-    A problem in both series is run once. The comparisons by which a tutor's precision is set are
-    those of ``metrics.reference_differences``: ``errs`` names the tutor (see ``settings.tutors``),
-    and ``error_rate`` is the expected share of wrong answers to them, also if the precision was
-    given. ``realised_error_rate`` is the share of the answers that were given. The
-    oracle always runs. For the time, precisions between the first and the last are run at every
-    other size only, whose slopes are nearly as sure (8 of 10 parts of the spread of five sizes).
+    ``errs`` names the tutor (see ``settings.tutors``). ``error_rate`` is the expected share of
+    wrong answers to ``metrics.reference_differences``, by which a tutor's precision is set; it is
+    given too if the setting was a precision. ``realised_error_rate`` is the share among the answers
+    that were given.
 
-    Beside the columns of a run (see ``run_all``): ``warnings`` (how often a comparator warned that
-    it is not to be relied on: particles that are worth too few draws, a fit that found no maximum)
-    and ``asked_percent_fresh`` (questions in percent of the pairs left open that had not been asked
-    before).
+    Two columns are added to those of a run (see ``run_all``). ``warnings`` is how often a
+    comparator warned that it is unreliable: particles that are worth too few draws, or a fit
+    without a maximum. ``asked_percent_fresh`` is the number of questions in percent of the open
+    pairs that had not been asked before.
 
-    Rows depend neither on ``jobs`` nor on what came from the ``journal``; these, ``fresh``,
-    ``progress`` and what is raised are as with ``ablation.ablate``.
+    Rows do not depend on ``jobs`` or on what came from the ``journal``. These, ``fresh``,
+    ``progress`` and errors are as in ``ablation.ablate``.
     """
     check_keywords(figures, changes, {one.name for one in fields(FiguresSettings)})
     settings = replace(settings or FiguresSettings(), **changes)
@@ -76,9 +75,9 @@ def figures(
 
 
 def plan_of(settings: FiguresSettings) -> list[Cell]:
-    """Return one dict a run, in the order of the table.
+    """Return the runs in the order of the table: for each a cell as in ``ablation.run``.
 
-    It is what ``run`` calls a cell, with the numbers of states and levels.
+    It also has the numbers of states and levels.
     """
     same = {"problem": "random", "learner": "q-learning", "audit": 0.0}
     seeds = range(settings.seed, settings.seed + settings.seeds)
@@ -102,17 +101,17 @@ def plan_of(settings: FiguresSettings) -> list[Cell]:
 
 
 def _law(tutor: str) -> dict[str, float | None]:
-    """Return a tutor's errors, as a cell of ``run`` has them."""
+    """Return the law of a tutor's errors, as a cell of ``ablation.run`` has it."""
     if tutor.startswith("c="):
         return {"error_rate": None, "c": float(tutor[2:])}
     return {"error_rate": 0.0 if tutor == TRUTHFUL else float(tutor.rstrip("%")) / 100.0, "c": None}
 
 
 def run_one(cell: Cell, **shared: Any) -> Run:
-    """Run a cell as ``run_named`` does, with more in its row.
+    """Run a cell as ``run_named`` does, and add to its row.
 
-    These are the number of its warnings, and, for a tutor whose precision is given, its error rate
-    over the reference.
+    Added is the number of its warnings. For a tutor whose precision is given, its error rate on the
+    reference differences is added too.
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

@@ -42,13 +42,14 @@ def plot_asked(
     tutors: Sequence[str] | None = None,
     measures: Sequence[str] = tuple(_ASKED),
 ) -> Figure:
-    """Draw figure 2 (``series`` "levels") or 3 ("states").
+    """Draw the paper's figure 2 (``series`` "levels") or 3 ("states").
 
-    It has questions in percent of three denominators, on a log scale, with 95% t-intervals over the
-    runs; an arrow at the axis' lower end if one reaches further down. The unequal pairs, the fourth
-    denominator, are all but a few of all comparisons. ``tutors``: which, at most two for all to be
-    seen; by default the one who never errs, and the last, who errs most. ``measures``: columns of
-    the summary, a panel each.
+    It shows questions in percent of three denominators, on a log scale, with 95% t-intervals over
+    the runs. An arrow at the lower end of the axis marks an interval that reaches further down. The
+    fourth denominator, the unequal pairs, is nearly the same as all comparisons, and is left out.
+    ``tutors`` selects tutors, at most two for all to be seen. By default these are the one who
+    never errs, and the last, who errs most. ``measures`` are columns of the summary, with a panel
+    for each.
     """
     rows, figure, panels = _panels(
         summary, series, [_ASKED[one] for one in measures], tutors, sharey=True
@@ -80,9 +81,9 @@ def plot_loss(
     tutors: Sequence[str] | None = None,
     measures: Sequence[str] = tuple(_LOSSES),
 ) -> Figure:
-    """Draw figure 4, the paper's percentage of loss, beside losses that the paper does not show.
+    """Draw the paper's figure 4, its percentage of loss, beside losses that it does not show.
 
-    There are lines at 1%, the paper's bound. ``tutors`` and ``measures`` are as for ``plot_asked``.
+    Lines mark 1%, the paper's bound. ``tutors`` and ``measures`` are as for ``plot_asked``.
     """
     rows, figure, panels = _panels(
         summary, series, [_LOSSES[one][0] for one in measures], tutors, sharey=False
@@ -109,7 +110,7 @@ def plot_loss(
 
 
 def save(figure: Figure, folder: Path, name: str) -> None:
-    """``name``.png and ``name``.svg in the folder, the same bytes for the same figure."""
+    """Write ``name``.png and ``name``.svg to a folder, the same bytes for the same figure."""
     figure.savefig(folder / f"{name}.png", dpi=150, metadata={"Software": None})
     with mpl.rc_context({"svg.hashsalt": "qlearn"}):
         figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
@@ -147,10 +148,10 @@ def _panels(
 def _lines(
     axes: Axes, rows: pd.DataFrame, measure: str, least: float, arrows: bool = False
 ) -> bool:
-    """Draw one line with error bars for each pair of comparator and tutor.
+    """Draw a line with error bars for each pair of comparator and tutor.
 
-    The markers are hollow if the tutor never errs. What lies below ``least`` is cut off there, with
-    ``arrows`` marked by an arrow. Return whether anything was cut off.
+    The markers are hollow if the tutor never errs. Error bars are cut off at ``least``, and marked
+    there if ``arrows`` is true. Return whether any was cut off.
     """
     cut = False
     arms: list[Any] = list(rows.groupby(["comparator", "errs"], sort=False))

@@ -1,6 +1,6 @@
 """Problems to learn on: random MDPs, ICU-Sepsis, Gymnasium's known tasks, families of problems.
 
-Imports from ``mdp`` and elicit.
+This folder imports from ``mdp`` and elicit.
 """
 
 from qlearn.problems.families.catalogue import FAMILIES

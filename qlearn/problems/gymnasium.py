@@ -1,6 +1,6 @@
-"""Two known tasks, FrozenLake and deep-sea-treasure.
+"""Two known tasks, FrozenLake and deep-sea-treasure, with levels in place of rewards.
 
-They have their packages' own dynamics, and levels in place of rewards.
+The dynamics are those of their packages.
 """
 
 from __future__ import annotations
@@ -20,14 +20,15 @@ _SEA = 0.0  # on the map of deep-sea-treasure: open water; rocks are below it, t
 def frozen_lake(discount: float = 0.99) -> OrdinalMDP:
     """Return Gymnasium's FrozenLake-v1, 8 x 8 and slippery.
 
-    It has 64 states and 4 actions, each of which goes aside two times in three.
+    It has 64 states and 4 actions, each of which slips aside two times in three. State numbers are
+    8 * row + column. Transitions and the initial distribution are those of ``env.unwrapped.P``. The
+    holes and the goal are terminal.
 
-    State 8 * row + column; transitions and the initial distribution are those of
-    ``env.unwrapped.P``. The holes and the goal are terminal. Levels, worst first, are those of the
-    cell: hole < ice < goal. The package rewards the goal with 1 and nothing else, so that a hole
-    costs as much as going round in circles; here a hole is worse than ice, for ever after, and how
-    much worse, next to what the goal is worth, is for the tutor to say. Raises ImportError without
-    the package, ValueError for a bad ``discount``.
+    The levels, worst first, are those of the cell: hole < ice < goal. The package rewards only the
+    goal, with 1, so that a hole costs as much as going round in circles. Here a hole is worse than
+    ice, for ever after. How much worse, relative to the goal, is for the tutor to say.
+
+    Raises ImportError without the package, ValueError for a bad ``discount``.
     """
     env = _make("gymnasium", "FrozenLake-v1", map_name="8x8", is_slippery=True)
     table, cells = env.P, env.desc.ravel()
@@ -51,16 +52,15 @@ def frozen_lake(discount: float = 0.99) -> OrdinalMDP:
 def deep_sea_treasure(discount: float = 0.95) -> OrdinalMDP:
     """Return MO-Gymnasium's deep-sea-treasure-v0 (the convex map).
 
-    A submarine has 4 actions; farther treasures are better.
+    A submarine has 4 actions; farther treasures are better. States are the cells that can be
+    reached, in the order of the map's rows; the start is the first. The successor of each action is
+    found by stepping the environment from every cell. The ten treasures are terminal. The levels,
+    worst first, are: at sea < the treasures by their value.
 
-    States are the cells that can be reached, in the order of the map's rows; the start is the
-    first. The successor of each action is found by stepping the environment from every cell. The
-    ten treasures are terminal. Levels, worst first: at sea < the treasures by their value.
-
-    The package gives two rewards, -1 a step and the treasure's value. The levels keep the order of
-    both. A reached treasure counts for ever, so that a step more is a greater share at sea and a
-    smaller one at the treasure. Two numeric rewards need weights that say how many steps a better
-    treasure is worth. With levels the tutor says it.
+    The package gives two rewards, -1 for each step and the treasure's value. The levels keep the
+    order of both. A reached treasure counts for ever, so that another step means a greater share at
+    sea and a smaller share at the treasure. Two numeric rewards need weights that say how many
+    steps a better treasure is worth. With levels the tutor says it.
 
     Raises ImportError without the package, RuntimeError if it does not move as described, and
     ValueError for a bad ``discount``.

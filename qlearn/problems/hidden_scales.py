@@ -1,7 +1,4 @@
-"""Hidden scales of several kinds: levels that are spread evenly, and others.
-
-They show how a learner does on each.
-"""
+"""Random hidden scales of several kinds, to test learners: evenly spread levels, and others."""
 
 from __future__ import annotations
 
@@ -68,7 +65,7 @@ def hidden_scales(kind: str, k: int, seed: Seed | None = None) -> Floats:
 
 
 def _gaps(kind: str, k: int, generator: np.random.Generator) -> Floats:
-    """Return k - 1 gaps, of any total."""
+    """Return k - 1 gaps of this kind, not yet scaled to a total."""
     if kind == "equal":
         return np.ones(k - 1)
     if kind in ("even", "skewed"):

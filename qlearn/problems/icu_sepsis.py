@@ -119,7 +119,7 @@ def _assets() -> Path:
 
 
 def _tables() -> list[Floats]:
-    """Return the tables of ``_SHAPES``."""
+    """Return the tables listed in ``_SHAPES``."""
     path = _assets() / "dynamics.npz"
     _expect(path.is_file(), f"{path} exists")
     tables: list[Floats] = []
@@ -132,9 +132,9 @@ def _tables() -> list[Floats]:
 
 
 def _admissible() -> Flags:
-    """(715, 25).
+    """Return flags (715, 25) of the admissible actions of each state.
 
-    The file's first line counts each state's actions; then a line a state names them.
+    The file's first line counts each state's actions. Then a line for each state names them.
     """
     path = _assets() / "admissible_actions.txt"
     _expect(path.is_file(), f"{path} exists")

@@ -19,12 +19,12 @@ _VALUES = 100  # hidden values are integers 0..99 (section 5)
 
 @takes_rng
 def draw_values(k: int, seed: Seed | None) -> Floats:
-    """Hidden values (k,) of a scale: distinct integers drawn uniformly from 0..99, increasing.
+    """Draw hidden values (k,) of a scale: distinct integers from 0..99, uniform, increasing.
 
-    Section 5 draws integers from 0..99; drawn without replacement, the k levels are worth k
-    different values, at least 1/99 of the range apart. ``seed``: an int, a SeedSequence, a
-    Generator, or None, which gives others each time (``rng`` is the same). Raises ValueError unless
-    2 <= k <= 100.
+    The paper's section 5 draws integers from 0..99. Drawn without replacement, the k levels have k
+    different values, at least 1/99 of the range apart. ``seed`` is an int, a SeedSequence, a
+    Generator, or None for a new draw each time (``rng`` is the same). Raises ValueError unless 2 <=
+    k <= 100.
     """
     _check("the number of levels", k, 2, _VALUES)
     return _values(k, np.random.default_rng(key_of(seed_of(seed))))
@@ -40,16 +40,16 @@ def random_mdp(
     seed: Seed | None,
     weights: Literal["dirichlet", "gaussian"] = "dirichlet",
 ) -> tuple[OrdinalMDP, Floats]:
-    """Return a random instance of section 5, and hidden values (k,) for its scale.
+    """Return a random MDP as in the paper's section 5, and hidden values (k,) for its scale.
 
     The seed is as for ``draw_values``.
 
-    Each (s, a) has ceil(log2 |S|) distinct successors (at least 1), a uniform sample of the
-    states. The paper leaves the rest open; here the probabilities are Dirichlet(1) and the level of
-    each (s, a) is uniform over the scale. ``weights="gaussian"`` takes absolute values of standard
-    normals, scaled to 1, as later papers on interactive value iteration do. Only the levels and
-    values depend on ``n_levels``, so a series over it with one seed keeps its transitions. Raises
-    ValueError.
+    Each (s, a) has ceil(log2 |S|) distinct successors (at least 1), a uniform sample of the states.
+    The paper leaves the rest open. Here the probabilities are Dirichlet(1), and the level of each
+    (s, a) is uniform over the scale. With ``weights="gaussian"`` the probabilities are absolute
+    values of standard normals, scaled to total 1, as in later papers on interactive value
+    iteration. Only the levels and values depend on ``n_levels``, so a series over it with the same
+    seed keeps its transitions. Raises ValueError.
     """
     _check("n_states", n_states, 1, 2**31 - 1)
     _check("n_actions", n_actions, 1, 2**31 - 1)
@@ -84,9 +84,10 @@ def _values(k: int, generator: np.random.Generator) -> Floats:
 def _samples(
     n: int, b: int, shape: tuple[int, ...], generator: np.random.Generator
 ) -> NDArray[np.int32]:
-    """(*shape, b): in each row b distinct states of n, every set equally likely, ascending.
+    """Return an array (*shape, b): in each row b distinct states of n, ascending.
 
-    Floyd's algorithm (Bentley and Floyd, CACM 1987), for all rows at once.
+    Every set of states is equally likely. The method is Floyd's algorithm (Bentley and Floyd, CACM
+    1987), for all rows at once.
     """
     samples = np.empty((*shape, b), dtype=np.int32)
     rows = samples.reshape(-1, b)

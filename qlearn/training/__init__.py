@@ -1,5 +1,5 @@
-"""Policies that other libraries train, brought in as share vectors.
+"""Interactive training: policies that other libraries train are brought in as share vectors.
 
-Decides what to train on next, what to ask, and what the best policy can still lose. Imports from
-``learners`` and elicit.
+This folder decides what to train on next and what to ask, and bounds the loss of the best policy.
+It imports from ``learners`` and elicit.
 """

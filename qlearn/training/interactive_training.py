@@ -1,6 +1,6 @@
 """Interactive training: policies from any trainer, and the best of them by few questions.
 
-It also bounds the loss of the best policy against policies that nobody has seen.
+The loss of the best policy is also bounded against policies that nobody has trained.
 """
 
 from __future__ import annotations
@@ -64,7 +64,8 @@ _LOOKED_AT = (
 class _Question(NamedTuple):
     """A pair to ask about next.
 
-    ``at_corner`` says whether one of its vectors is a vertex that no policy has reached.
+    ``at_corner`` is True if one of its vectors is a vertex of the reachable set, which no policy
+    has.
     """
 
     pair: Pair
@@ -81,12 +82,12 @@ class InteractiveTraining:
             while queries := training.ask():
                 training.tell([tutor(query) for query in queries])
 
-    Ask and tell as with a learner. It holds no trainer, tutor or file.
+    Ask and tell as with a learner. The object holds no trainer, tutor or file.
 
     Parameters
     ----------
     comparator : Comparator
-        It must bound differences all at once and name plausible scales (``simultaneous_bounds``,
+        It must bound differences all at once and have plausible scales (``simultaneous_bounds``,
         ``draws``), as the polytope and the posterior do.
     discount : float
         Discount of the share vectors.
@@ -94,9 +95,9 @@ class InteractiveTraining:
         A share of the value range, below 1. The training ends once answers and trainings can gain
         no more than this.
     optimality_gap : float, optional
-        Largest distance of a training's end below its optimum, in the same unit (0: exactly there).
-        ``loss_bound`` counts it, beside errors of measured shares. None: it is unknown, and there
-        is no bound.
+        Largest distance of a training's result below its optimum, in the same unit (0: no
+        distance). ``loss_bound`` includes it, beside errors of measured shares. None: it is
+        unknown, and there is no bound.
     objectives : (low (m,), high (m,)), optional
         Bounds of the objectives, for vectors of ``elicit.objectives`` with k = m + 1.
     strategy : callable or str
@@ -121,14 +122,16 @@ class InteractiveTraining:
     -----
     This is optimistic linear support over share vectors (Roijers 2015; Mossalam et al. 2016). The
     best policy so far is the best at the comparator's central scale. Its regret against the others
-    is bounded under all plausible scales, and asked about. Policies that nobody has seen are
-    bounded by the trainings: nowhere is a policy better, at the scale of a training, than its
-    result plus the gap (``ReachableSet``). Vertices of that set are asked about too, against the
-    best policy, two after each training. The next scale is the central one while much can be gained
-    there, else the plausible scale under which most can.
+    is bounded under all plausible scales, and asked about.
 
-    The vertices of the reachable set grow fast in number. Where they would be too many, the first
-    trainings stop counting (docs/beyond-tables.md says how many levels that leaves room for).
+    Policies that nobody has trained are bounded by the trainings: at the scale of a training, no
+    policy is better than its result plus the gap. All vectors that satisfy these bounds form the
+    ``ReachableSet``. Its vertices are asked about too, against the best policy, two after each
+    training. The next scale to train on is the central one while much can be gained there. After
+    that it is the plausible scale under which most can be gained.
+
+    The number of the vertices grows fast. If there would be too many, the first trainings are left
+    out of the set (docs/beyond-tables.md says how many levels that leaves room for).
     ``max_seconds`` limits the computing time.
     """
 
@@ -229,15 +232,15 @@ class InteractiveTraining:
 
     @property
     def max_seconds(self) -> float | None:
-        """Largest number of CPU seconds that it computes, in all its calls together.
+        """Largest number of CPU seconds of the object's own computing, in all calls together.
 
-        None, the default, is no limit. It may be set at any time, and a training that the limit
+        None, the default, is no limit. The limit may be set at any time, and a training that it
         ended goes on if it is raised. Seconds of the trainer, of the tutor, and of reading the
-        result's ``loss_bound`` do not count. The time is looked at between steps, and a step that
-        has begun is finished. At least one policy is trained.
+        result's ``loss_bound`` do not count. The time is checked between steps, and a step that has
+        begun is finished. At least one policy is trained.
 
         The status at the end is then TIME_LIMIT, and the result's ``loss_bound`` says what is
-        proven of the best policy so far. With a limit, where a run ends depends on the machine.
+        proven of the best policy so far. With a limit, the end of a run depends on the machine.
 
         Raises
         ------
@@ -256,10 +259,10 @@ class InteractiveTraining:
 
     @one_thread
     def to_train(self) -> Floats | None:
-        """Return the values to train the next policy on, or None.
+        """Return the values of the levels to train the next policy on, or None.
 
-        They are the same until a policy is added. It is None while the tutor is waited for, and at
-        the end.
+        They stay the same until a policy is added. The result is None while an answer is pending,
+        and at the end.
 
         Returns
         -------
@@ -271,10 +274,10 @@ class InteractiveTraining:
 
     @property
     def start_from(self) -> Any:
-        """Return the best policy so far at ``to_train()``, for a warm start, or None.
+        """Return the best policy so far under ``to_train()``, for a warm start, or None.
 
-        A cold start explores anew, which a warm one may not. In either case ``optimality_gap`` says
-        how near the training comes to its optimum.
+        A cold start explores anew, which a warm start may not. In either case ``optimality_gap``
+        says how near the training comes to its optimum.
         """
         self._advance()
         if not isinstance(self._next, np.ndarray) or not self._policies:
@@ -289,7 +292,7 @@ class InteractiveTraining:
         *,
         trained: bool = True,
     ) -> None:
-        """Add a policy, and how much of each level it gets.
+        """Add a policy, and its share of time at each level.
 
         Normally it is the policy that was trained on the values that ``to_train`` gave last. Then
         it limits what any other policy can reach.
@@ -297,7 +300,7 @@ class InteractiveTraining:
         Parameters
         ----------
         policy
-            Any object. The result has it again.
+            Any object. The result returns it.
         shares : (k,) or RolloutShares
             As ``rollout_shares`` finds them, or its result. A total below 1 means that runs were
             cut off. The missing share counts in ``loss_bound``.
@@ -305,8 +308,7 @@ class InteractiveTraining:
             Standard errors of the shares; for objectives those of each (k - 1,). Without errors the
             shares are taken to be exact.
         trained : bool
-            False for a policy of another origin. It may be chosen, but it says nothing about the
-            policies that nobody has seen.
+            False for a policy of another origin. It may be chosen, but it limits no other policies.
 
         Raises
         ------
@@ -336,7 +338,7 @@ class InteractiveTraining:
     def ask(self) -> tuple[Query, ...]:
         """Return the pending query, or () if a policy is to be trained first, and at the end.
 
-        It is the same until it is answered.
+        It stays the same until it is answered.
         """
         self._advance()
         if isinstance(self._next, _Question):
@@ -386,7 +388,7 @@ class InteractiveTraining:
 
     @property
     def comparator(self) -> Comparator:
-        """The comparator, which holds what is known of the scale."""
+        """The comparator with all answers learned so far."""
         return self._elicitation.comparator
 
     @property
@@ -399,7 +401,7 @@ class InteractiveTraining:
 
     @one_thread
     def result(self) -> TrainingResult:
-        """Return the best policy so far and its bound, at any time.
+        """Return the best policy so far and its bound. It may be called at any time.
 
         It changes no later question.
         """
@@ -432,9 +434,9 @@ class InteractiveTraining:
 
     @contextmanager
     def _counted(self) -> Iterator[Callable[[], bool]]:
-        """Count the seconds within this context.
+        """Count the CPU seconds within this context.
 
-        It gives a function that returns whether the time is over.
+        The context's value is a function that returns whether the time is over.
         """
         begun, before, most = thread_time(), self._seconds, self._most_seconds
         try:
@@ -443,7 +445,7 @@ class InteractiveTraining:
             self._seconds = before + thread_time() - begun
 
     def _find_next(self, late: Callable[[], bool]) -> Floats | _Question | Status:
-        """Return the scale to train on, the question to ask, or the status at the end."""
+        """Return the scale to train on, or the question to ask, or at the end the status."""
         comparator = self._elicitation.comparator
         centre = np.diff(best_guess(comparator))
         if not self._policies:
@@ -496,13 +498,13 @@ class InteractiveTraining:
         return sum(policy.trained_on is not None for policy in self._policies) >= self._most
 
     def _shares(self) -> Floats:
-        """Return the shares (n, k) of the policies."""
+        """The shares (n, k) of the policies added so far."""
         return np.array([policy.shares for policy in self._policies])
 
     def _best(self) -> int:
         """Return the number of the policy that is best at the central scale.
 
-        Of equally good ones the first is taken.
+        If several are equally good, it is the first.
         """
         return int(
             np.argmax(
@@ -513,9 +515,9 @@ class InteractiveTraining:
         )
 
     def _reach(self) -> ReachableSet:
-        """Return the set of vectors that policies can reach at most.
+        """Return the set of all vectors that policies may have, as far as the trainings tell.
 
-        Each training is taken to reach its optimum, or the best policy added since.
+        Each training is taken to reach its optimum, or the value of a better policy added since.
         """
         scales = [np.diff(one.trained_on) for one in self._policies if one.trained_on is not None]
         if not scales:
@@ -527,7 +529,7 @@ class InteractiveTraining:
         return self._cut
 
     def _best_pair(self, d: Floats, pair: Callable[[int], Pair]) -> Pair | None:
-        """Return the best pair of differences d (n, k) that matter and may be asked, or None."""
+        """Return the best question about d (n, k), among those that matter, or None."""
         elicitation = self._elicitation
         high = simultaneous_bounds(elicitation.comparator, d)[0]
         rows = np.argsort(-high, kind="stable")[:_LOOKED_AT]
@@ -538,7 +540,7 @@ class InteractiveTraining:
         return pair(int(rows[best(self._strategy, self._candidates(d[rows]))[0]]))
 
     def _simple_pair(self, d: Floats) -> Pair | None:
-        """Return a question of simple bags on the signs of differences (n, k), or None."""
+        """Return a question of simple bags about the signs of differences d (n, k), or None."""
         if self._bags is None or not len(d):
             return None
         candidates = self._candidates(d[:_LOOKED_AT])
@@ -552,14 +554,14 @@ class InteractiveTraining:
         )
 
     def _pair_of_policies(self, at: int, row: int, tier: int = int(Tier.TUTOR)) -> Pair:
-        """Return the pair of the best policy and another, the row-th of the others."""
+        """Return the question about the best policy and another one, the row-th of the others."""
         other = row + (row >= at)
         about = f"policy {other + 1} (left) or policy {at + 1}, the best so far (right)?"
         place = (("policies", min(at, other), max(at, other)),)
         return Pair(self._policies[other].shares, self._policies[at].shares, about, place, tier)
 
     def _pair_with_unseen(self, at: int, unseen: Floats, row: int) -> Pair:
-        """Return the pair of the best policy and a vector of (n, k) that no policy has reached."""
+        """Return the question about the best policy and a row of vectors that no policy has."""
         about = f"what no policy has shown yet (left) or policy {at + 1}, the best so far (right)?"
         place = (("unseen", at, np.round(unseen[row], 2).tobytes()),)
         return Pair(unseen[row], self._policies[at].shares, about, place)
@@ -589,7 +591,7 @@ class InteractiveTraining:
         return Status.CONVERGED if found.loss_bound <= self.tolerance + ROUNDING else Status.SETTLED
 
     def _stopped(self, why: Status) -> Status:
-        """Return the status of an end without a proof."""
+        """Return the status at an end without a proof."""
         broken = self.optimality_gap is not None and is_broken(self._policies, self.optimality_gap)
         return Status.GAP_BROKEN if broken else why
 

@@ -1,9 +1,9 @@
-"""The vectors that policies can reach at most, as far as trainings tell: a polytope.
+"""The vectors that policies may have, as far as trainings tell: a polytope.
 
-A training names no reachable vectors, but bounds them. If it came within a gap of its optimum, no
-policy is better at its own scale by more than that (outer approximation: Roijers 2015,
-"Multi-objective decision-theoretic planning"). Vectors are held as tail sums t, so that a scale
-with gaps g gives them the value t.g.
+A training shows one reachable vector, but bounds all of them. If its result is within a gap of its
+optimum, then at its own scale no policy is better by more than the gap (outer approximation:
+Roijers 2015, "Multi-objective decision-theoretic planning"). Vectors are held as tail sums t, so
+that their value under a scale with gaps g is t.g.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from elicit.model.difference import as_vectors
 from elicit.model.scale import Floats
 
 MOST_CORNERS = 4_000
-"""A cut that would leave more is left out: the set is then larger than it might be, and bounds over
-it still hold.
-"""
+"""A cut that would leave more vertices than this is left out. The set is then larger than
+necessary, and bounds over it still hold."""
 
-_ON = 1e-9  # a point this near to a facet is on it, for sizes of about 1
-_SAME = 10  # vertices that agree to so many decimals are the same
+_ON = 1e-9  # a point this near to an inequality's limit is on it, for sizes of about 1
+_SAME = 10  # vertices that agree to this many decimals are the same
 
 
 @dataclass(frozen=True, eq=False)
 class ReachableSet:
-    """The set {t : facets t <= limits}.
+    """A polytope {t : facets t <= limits} that contains every policy's vector, as tail sums t (p,).
 
-    ``corners`` (c, p) has all of its vertices and no points outside, up to rounding. ``facets`` is
-    (f, p), and ``limits`` (f,). ``tight`` (c, f) flags the facets that each vertex is on.
+    ``corners`` (c, p) are all of its vertices, up to rounding. A row of ``facets`` (f, p) with its
+    entry of ``limits`` (f,) is one linear inequality. ``tight`` (c, f) flags the inequalities that
+    hold with equality at each vertex.
     """
 
     corners: Floats
@@ -45,7 +45,7 @@ class ReachableSet:
 
     @staticmethod
     def of(corners: Floats, facets: Floats, limits: Floats) -> ReachableSet:
-        """Return the set with these vertices and facets."""
+        """Return the set with these vertices and inequalities."""
         return ReachableSet(
             corners, facets, limits, np.abs(corners @ facets.T - limits) <= 10 * _ON
         )
@@ -76,7 +76,7 @@ class ReachableSet:
         Raises
         ------
         ValueError
-            If these are no bounds.
+            If these are not valid bounds.
         """
         least, most = (
             np.atleast_1d(np.asarray(low, np.float64)),
@@ -98,23 +98,23 @@ class ReachableSet:
 
     @property
     def vectors(self) -> Floats:
-        """The vertices (c, k) as vectors of total 1."""
+        """The vertices (c, k) as vectors of total 1, rather than as tail sums."""
         t = self.corners
         return np.concatenate([1.0 - t[:, :1], t[:, :-1] - t[:, 1:], t[:, -1:]], axis=1)
 
     def excess(self, t: Floats) -> float:
-        """Return the greatest distance of tail sums t (p,) outside the set; negative inside."""
+        """Return by how much tail sums t (p,) violate the worst inequality; negative inside."""
         return float((product(self.facets, t) - self.limits).max())
 
     def greatest(self, gaps: Floats) -> Floats:
-        """Return the greatest t.g (m,) under each of the gaps (p, m)."""
+        """Return the greatest t.g (m,) over the set, for each of m scales with gaps (p, m)."""
         return np.asarray(product(self.corners, gaps).max(axis=0))
 
     def cut_by(self, cuts: Sequence[tuple[Floats, float]]) -> ReachableSet:
-        """Return the part of the set after ``cut`` by each of these gaps (p,) and limits.
+        """Return the part of the set that satisfies each of these cuts, gaps (p,) and limits.
 
-        If some have to be left out, the first ones are. Later trainings are at scales that more
-        answers have left plausible.
+        A cut is t.g <= limit. If the vertices would be too many, the first cuts are left out. Later
+        trainings are at scales that more answers have left plausible.
         """
         reach = self
         for gaps, limit in cuts:
@@ -126,9 +126,9 @@ class ReachableSet:
         return reach
 
     def cut(self, gaps: Floats, limit: float) -> ReachableSet:
-        """Return the part of the set with t.g <= limit.
+        """Return the part of the set with t.g <= limit, for a scale with these gaps.
 
-        Vertices outside are replaced by points on the edges that lead outside.
+        Vertices outside are replaced by the points where edges cross the limit.
         """
         beyond = product(self.corners, gaps) - limit
         outside, inside = np.flatnonzero(beyond > _ON), np.flatnonzero(beyond < -_ON)
@@ -154,9 +154,9 @@ class ReachableSet:
 
 
 def as_shares(shares: ArrayLike, k: int) -> tuple[Floats, float]:
-    """Return shares (k,) scaled to a total of 1, and the missing share.
+    """Return shares (k,) scaled to a total of 1, and the share that was missing to 1.
 
-    The missing share is taken to be spread as the rest is.
+    The missing share is taken to be spread over the levels as the rest is.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
-"""Upper bound on the loss of the best trained policy against all others, and its conditions.
+"""Upper bound on the loss of the best trained policy against all policies, and its conditions.
 
 A training that came within a gap of its optimum bounds all policies at its own scale
-(``ReachableSet``). Nothing can prove the gap. But it is refuted if a later policy beats an earlier
-training, at that training's scale, by more.
+(``ReachableSet``). The gap is an assumption that nothing can prove. But it is refuted if a later
+policy beats an earlier training, at that training's scale, by more than the gap.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ ROUNDING = 1e-9
 def greatest_error(errors: ArrayLike, k: int) -> float:
     """Return the greatest standard error of a vector's value under any scale.
 
-    The error of a tail sum is at most the sum of its shares' errors, or of the other shares'
-    errors.
+    The error of a tail sum is at most the sum of its shares' errors, and at most that of the other
+    shares' errors.
 
     Parameters
     ----------
     errors : (k,) or (k - 1,)
-        Standard errors of its k shares, or of its k - 1 objectives.
+        Standard errors of the vector's k shares, or of its k - 1 objectives.
     k : int
 
     Returns
@@ -74,7 +74,7 @@ def greatest_loss(d: Floats, comparator: Comparator) -> tuple[float, Floats, flo
         In units of e_k - e_1. If the scales are drawn, it is a quantile, at the comparator's level,
         of the greatest d.e under each scale.
     each : (n,)
-        The greatest of each difference over all plausible scales.
+        The greatest d.e of each difference over all plausible scales.
     confidence : float
     """
     drawn = drawn_set(comparator)
@@ -95,7 +95,7 @@ def guarantee_of(
     comparator: Comparator,
     gap: float | None,
 ) -> Guarantee:
-    """Return the guarantee of the policy of this number, if the gap is not refuted.
+    """Return the guarantee of the policy with number ``at``, if the gap is not refuted.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def guarantee_of(
         Number of the policy.
     comparator : Comparator
     gap : float or None
-        Largest distance of a training's end below its optimum.
+        Largest distance of a training's result below its optimum.
 
     Returns
     -------
@@ -130,10 +130,10 @@ def guarantee_of(
 
 
 def _excesses(policies: Sequence[TrainedPolicy]) -> tuple[Floats, Floats]:
-    """Return (n, j) excesses of policies over trained ones, and the errors of both.
+    """Return how much better policies are than trained ones, (n, j), and the errors of this.
 
-    An excess is the value of policy n minus that of trained policy j, at the scale j was trained
-    on. The errors (n, j) are the sum of both policies' errors.
+    Entry (n, j) is the value of policy n minus that of trained policy j, at the scale that j was
+    trained on. Its error is the sum of both policies' errors.
     """
     shares, errors = (
         np.array([policy.shares for policy in policies]),
@@ -146,16 +146,20 @@ def _excesses(policies: Sequence[TrainedPolicy]) -> tuple[Floats, Floats]:
 
 
 def observed_gap(policies: Sequence[TrainedPolicy]) -> float:
-    """Return the greatest excess of a policy over a trained one at its scale, at least 0."""
+    """Return the greatest value by which a policy beats a trained one, or 0 if none does.
+
+    Both are compared at the scale of the trained one.
+    """
     if all(policy.trained_on is None for policy in policies):
         return 0.0
     return max(0.0, float(_excesses(policies)[0].max()))
 
 
 def is_broken(policies: Sequence[TrainedPolicy], gap: float) -> bool:
-    """Return whether a policy beats a trained one by more than the gap and the errors of both.
+    """Return whether some policy refutes the assumed ``gap`` of a trained one.
 
-    They are compared at the trained one's scale.
+    It does if it is better, at the scale that was trained on, by more than the gap and the standard
+    errors of both policies.
     """
     if all(policy.trained_on is None for policy in policies):
         return False

@@ -1,4 +1,4 @@
-"""The findings of ``InteractiveTraining`` and its status, in sentences."""
+"""The result of ``InteractiveTraining`` and its status, in sentences."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from qlearn.certificates.loss_bound import Guarantee
 
 
 class TrainedPolicy(NamedTuple):
-    """A policy that was added.
+    """A policy that was added to the training.
 
     Its ``shares`` (k,) total 1. Their value under any scale is within ``error`` of the true one.
-    ``trained_on`` is the scale (k,) that it was trained on, or None.
+    ``trained_on`` is the scale (k,) that the policy was trained on, or None.
     """
 
     policy: Any
@@ -30,14 +30,14 @@ class TrainedPolicy(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TrainingResult:
-    """The findings so far.
+    """The result of an interactive training so far.
 
     Attributes
     ----------
     policy : object
         The best policy at the comparator's central scale, None before the first.
     shares : (k,)
-        Its shares.
+        The shares of ``policy``.
     asked : int
         Number of questions answered, without audits.
     trained : int
@@ -45,8 +45,8 @@ class TrainingResult:
     policies : tuple of TrainedPolicy
         All policies that were added, in order.
     observed_gap : float
-        The most by which a policy beat another one at the scale that the latter was trained on.
-        That training fell short of its optimum by at least so much.
+        A lower bound on how far some training fell short of its optimum: the most by which another
+        policy is better, at the scale that was trained on.
     """
 
     policy: Any
@@ -75,10 +75,10 @@ class TrainingResult:
 
     @property
     def loss_bound(self) -> float:
-        """Largest loss of the policy against the best there is, a share of the value range.
+        """Upper bound on the policy's loss against all policies, a share of the value range.
 
         It holds if each training came within ``optimality_gap`` of its optimum. It is nan if no gap
-        was given, or if the gap is seen not to hold.
+        was given, or if the policies refute the gap.
         """
         return float(self._guaranteed.loss_bound)
 
@@ -86,13 +86,14 @@ class TrainingResult:
     def confidence(self) -> float:
         """The probability that ``loss_bound`` holds, if each training came within its gap.
 
-        It is the comparator's confidence, less the probability that a measured share is off by more
-        than ``STANDARD_ERRORS`` standard errors. The comparator's is 1 if the bound is proven for
-        every scale that fits the answers. It is nan if there is no bound, or no probability of it.
+        It is the comparator's confidence, minus the probability that a measured share is off by
+        more than ``STANDARD_ERRORS`` standard errors. The comparator's confidence is 1 if the bound
+        is proven for every scale that fits the answers. The result is nan if there is no bound, or
+        no probability of it.
         """
         return float(self._guaranteed.confidence)
 
     @property
     def audited(self) -> int:
-        """Number of decided comparisons that were put to the tutor."""
+        """Number of decided comparisons that were still put to the tutor, to find errors."""
         return len(self.audits)

@@ -6,9 +6,17 @@ from collections import Counter
 import numpy as np
 import pytest
 from scipy.integrate import dblquad
+from scipy.special import expit
 from scipy.stats import beta, norm
 
-from benchmarks.people import answers_of_people, choices, comparators, error_laws, repeats
+from benchmarks.people import (
+    answers_of_people,
+    choices,
+    comparators,
+    equal_laws,
+    error_laws,
+    repeats,
+)
 from elicit import Answer, AnswerLog, PosteriorComparator, Query
 from elicit.people import GAMBLES, repeated_gambles
 from tests.report_cases import quick_report
@@ -243,3 +251,30 @@ def test_the_page_names_what_person_tutor_draws_from():
     assert answers_of_people.DRAWN_FROM._fields[-2:] == tuple(
         answers_of_people.side_bias(np.array([3.0, 5.0]), np.array([10.0, 10.0]))
     )
+
+
+def test_laws_of_equal_predict_as_a_plain_sum_over_the_draws_does():
+    query = Query("gamble", *BAGS[0])
+    other = Query("gamble turned", *BAGS[0][::-1])
+    said = [Answer(query, 0), Answer(other, 1), Answer(query, -1), Answer(query, 1)]
+    log = AnswerLog(k=3)
+    for answer in said:
+        log.append(answer)
+    t, (places,) = equal_laws.by_pair([log.answers()])
+    assert len(t) == 1
+    assert places.tolist() == [2, 1, 1, 0]  # an answer to the turned pair is turned
+    one = equal_laws.Dealt("1", np.array([0.0, 1, 1]), np.array([1.0, 0, 1]))
+    drawn = equal_laws.draws(2, 50)
+    for law in (equal_laws.OLDER, equal_laws.NOW):
+        (found,), (worth,) = equal_laws.predicted(drawn, t, law, [one])
+        width = equal_laws.widths(equal_laws.WIDTHS[law[1]], drawn.chance)
+        assert (width <= (0.02 if law == equal_laws.OLDER else 1.0)).all()
+        share, total, after = equal_laws.SHARES[law[0]], 0.0, np.zeros(2)
+        for g, c, p, w in zip(drawn.gaps, drawn.precision, drawn.lapse, width, strict=True):
+            left, right = (expit(c * (way * g @ t[0] - w)) for way in (1, -1))
+            equal = p * share + (1 - p) * (1 - left - right)
+            left, right = (p * (1 - share) / 2 + (1 - p) * each for each in (left, right))
+            total += right * equal
+            after += right * equal * np.array([left, equal])
+        assert found == pytest.approx(np.log(after / total).mean())
+        assert 1 <= worth <= 50

@@ -1,4 +1,4 @@
 """Comparators for a tutor who errs by the Bradley-Terry model: a bootstrap, and particles.
 
-Imports from ``decision``, ``lp``, ``model`` and ``_support``.
+This folder imports from ``decision``, ``lp``, ``model`` and ``_support``.
 """

@@ -1,13 +1,13 @@
-"""The noisy-tutor comparator of section 3.2: a Bradley-Terry fit and its bootstrap.
+"""The paper's comparator for a tutor who errs (section 3.2): a Bradley-Terry fit and its bootstrap.
 
-Eq. (6) and (7), with a stated prior, are fitted to the given answers and to m resamples of them. A
-comparison is decided only if all plausible fits agree on its sign. The plausible fits are either
-the paper's box, which is an interval for each level, or the ensemble of the fits themselves.
+The model, the paper's eq. (6) and (7) with a prior, is fitted to the answers and to m resamples of
+them. A comparison is decided only if all plausible fits agree on its sign. Plausible are either the
+fits themselves (the ensemble), or all scales in the paper's box, which is an interval for each
+level.
 
 These parts are not the paper's: the prior (without one, early fits lie at infinity), gaps >= 0
 (``monotone``), ties (``tie``), dominance first, ``region="ensemble"``, ``min_answers``, and refits
-on a schedule. Each can be left out. ``benchmarks.paper.literal`` measures the effect of leaving
-them out.
+on a schedule. Each can be switched off. ``benchmarks.paper.literal`` measures the effect of that.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _LARGE = (
 
 
 class NotConverged(RuntimeWarning):
-    """Warning that some fit found no maximum, and decides nothing.
+    """Warning that some fits have no maximum, so that nothing may be decided by them.
 
     With ``prior_strength=0`` there are two causes. Either some scale explains the answers without
     error, or no answer touches some levels.
@@ -64,7 +64,8 @@ class BradleyTerryComparator:
     The comparator is a frozen value, and a function of (answers in told order, seed, settings)
     alone. Fits are made when they are first needed. If the model is inconclusive (too few answers,
     precision 0, theta_k <= 0, no maximum), every verdict beyond dominance is UNKNOWN.
-    ``elicit.Comparator`` says what its methods take and return.
+    ``elicit.Comparator`` says what its methods take and return. Equations and sections are those of
+    the paper.
 
     Parameters
     ----------
@@ -80,8 +81,8 @@ class BradleyTerryComparator:
         outwards and widened to hold the point estimate.
     region : {"ensemble", "box"}
         ``"ensemble"`` takes percentiles of d.theta over the m fits. ``"box"`` takes the paper's
-        extremes of d.theta over a percentile interval for each theta_i. It ignores how the levels
-        vary together, and for k >= 10 it decides next to nothing.
+        extremes of d.theta over a percentile interval for each theta_i. The box ignores how the
+        levels vary together, and for k >= 10 it decides next to nothing.
     seed : int, SeedSequence, Generator or None
         Kept as an int. None draws a new one.
     prior_strength : float
@@ -103,13 +104,13 @@ class BradleyTerryComparator:
         A fit to fewer answers decides nothing. A bootstrap of one answer has no width, and one of
         very few shows the prior more than the tutor.
     dominance : bool
-        Let eq. (4) decide before the fits do. If False, the fits decide alone, as in Algorithm 2,
-        and bounds may exceed what the order of the levels allows.
+        Let dominance, eq. (4), decide before the fits do. If False, the fits decide alone, as in
+        Algorithm 2, and bounds may exceed what the order of the levels allows.
     no_maximum : {"ask", "take"}
         Treatment of a fit that found no maximum (see ``NotConverged``). ``"ask"``: such a fit could
-        lie anywhere, so it takes the place of one left out at either end. If there are too many of
-        them, nothing is decided. ``"take"``: the fit counts where Newton's method stopped, as with
-        an optimiser whose convergence nobody checks.
+        lie anywhere, so it counts as one of the extreme fits that a percentile leaves out, at
+        either end. If there are too many of them, nothing is decided. ``"take"``: the fit counts
+        where Newton's method stopped, as with an optimiser whose convergence nobody checks.
     tie : float
         Largest |d.e| that the tutor may call EQUAL, a share of the value range e_k - e_1, in 0 <=
         tie < 1. Here d is a difference of share vectors, used as it is given. It is the width in
@@ -190,7 +191,7 @@ class BradleyTerryComparator:
 
     @property
     def fitted_answers(self) -> int:
-        """Number of answers, counted from the first, that the fit in use was made from."""
+        """Number of answers that the fit in use was made from: the first ones."""
         return refit_point(len(self.answers), self.refit_growth)
 
     @property
@@ -200,25 +201,25 @@ class BradleyTerryComparator:
 
     @property
     def values(self) -> Floats:
-        """The point estimate (k,) theta / theta_k; equal spacing if the model is inconclusive."""
+        """The point estimate (k,), theta / theta_k; equal gaps if the model is inconclusive."""
         return self._model.values.copy()
 
     @property
     def converged(self) -> bool:
-        """True if every fit in use found its maximum; otherwise ``NotConverged`` is warned."""
+        """True if every fit in use found its maximum. If not, ``NotConverged`` was warned."""
         return self._model.converged
 
     def compare(self, d: ArrayLike) -> Verdicts:
         """Return verdicts (n,) on differences (n, k).
 
-        Dominance decides first, unless it is switched off. Beyond it a verdict is BETTER or WORSE
-        if the whole region agrees.
+        Dominance decides first, unless it is switched off. Other differences are BETTER or WORSE if
+        all plausible fits agree.
         """
         return decide_by_rule(self.rule, as_differences(d, self.k)).verdicts
 
     @property
     def rule(self) -> Rule:
-        """The region as plain arrays."""
+        """The plausible fits, or the box around them, as plain arrays for compiled loops."""
         region = self._model.region
         if region is None:
             return silent() if self.dominance else asking()
@@ -230,10 +231,9 @@ class BradleyTerryComparator:
         return rule if self.dominance else rule._replace(dominance=False)
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Return bounds on d.e over the region.
+        """Return bounds on d.e over the plausible fits, or over the box around them.
 
-        They are eq. (6) without the logistic function. With ``dominance`` they never exceed what
-        the order of the levels allows.
+        With ``dominance`` they never exceed what the order of the levels allows.
 
         Parameters
         ----------
@@ -260,8 +260,8 @@ class BradleyTerryComparator:
     def confidence(self) -> float:
         """Confidence of guarantees that depend on the fits: ``level``, or nan.
 
-        It is nan once the tutor has called something equal, if ``tie`` is above 0. Every resample
-        holds the same answers "equal", and shows nothing of what these leave open.
+        It is nan if ``tie`` is above 0 and the tutor has called something equal. Such answers are
+        the same in all resamples, so the fits do not show how uncertain the tie is.
         """
         return math.nan if self.tie > 0 and (self.answers.y == 0).any() else self.level
 
@@ -269,10 +269,10 @@ class BradleyTerryComparator:
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
         """Return upper bounds on d.e / e_k that hold for all rows at once, and their confidence.
 
-        They are the greatest d.e over the fits. The share 1 - ``level`` of the fits, those with the
-        greatest d.e of any row, is left out. If the model is inconclusive, the bounds are those
-        over every ordered scale, at confidence 1. The same goes for the box, whose levels are not
-        bounded together.
+        A bound is the greatest d.e over the fits. The share 1 - ``level`` of the fits is left out:
+        those with the greatest d.e of any row. If the model is inconclusive or the region a box,
+        whose levels are not bounded together, the bounds are those over every ordered scale, at
+        confidence 1.
 
         Returns
         -------
@@ -302,10 +302,11 @@ class BradleyTerryComparator:
         return Draws(region.gaps / total, np.full(m, 1.0 / m), total * self._model.top)
 
     def probability(self, d: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """Return bounds on P(left is better) and its point estimate, eq. (6), at the fitted theta.
+        """Return bounds on the probability of "left is better" by eq. (6), and its point estimate.
 
-        s_min > 1/2 goes with BETTER. If the model is inconclusive, the range is 0 to 1, or 1/2 at
-        an end that dominance rules out. Then the point is that of the prior's equal gaps.
+        The verdict is BETTER if the lower bound s_min is above 1/2. If the model is inconclusive,
+        the range is 0 to 1, or 1/2 at an end that dominance rules out. Then the point estimate is
+        that of the prior's equal gaps.
 
         Parameters
         ----------
@@ -387,7 +388,7 @@ class BradleyTerryComparator:
         return _FittedModel(np.concatenate([[0.0], theta / top]), top, region, converged)
 
     def _warn(self, n: int, lost: int, point: bool) -> None:
-        """Warn that resamples of n answers, and perhaps the answers themselves, have no maximum."""
+        """Warn that resamples of n answers, or without ``point`` the answers, have no maximum."""
         text = f"no maximum found for {lost} of {self.n_boot} resamples of {n} answers"
         text += "" if point else ", nor for the answers themselves"
         text += ": a prior_strength above 0 gives each fit one" if self.prior_strength == 0 else ""
@@ -396,7 +397,7 @@ class BradleyTerryComparator:
 
 @dataclass(frozen=True)
 class _FittedModel:
-    """A fit and the region that is plausible around it; without a region it is inconclusive."""
+    """A fitted scale and the region of plausible scales around it; None if inconclusive."""
 
     values: Floats  # (k,)
     top: float = 0.0  # theta_k of the point estimate
@@ -406,13 +407,13 @@ class _FittedModel:
 
 @dataclass(frozen=True)
 class _Ensemble:
-    """Percentiles of d.e over the fits."""
+    """The plausible scales as an ensemble of fits, with percentiles of d.e over them."""
 
     gaps: Floats  # (p, m + 1), the last one the point estimate
     cut: int  # number of fits left out at either end
 
     def extremes(self, d: Floats) -> tuple[Floats, Floats]:
-        """Return the least and the greatest plausible d.e (n,) of d (n, k)."""
+        """Return the least and the greatest plausible d.e (n,) for differences d (n, k)."""
         scores, last = dot(tail_sums(d)[:, None], self.gaps.T), self.gaps.shape[1] - 2
         point = scores[:, -1]
         ordered = np.sort(scores[:, :-1], axis=1)
@@ -423,21 +424,24 @@ class _Ensemble:
 
 @dataclass(frozen=True)
 class _Box:
-    """Extremes of d.e over an interval for each of e_2, ..., e_k (section 3.2)."""
+    """The plausible scales as the paper's box: an interval for each of e_2, ..., e_k."""
 
     lo: Floats  # (p,)
     hi: Floats  # (p,)
 
     @staticmethod
     def around(scales: Floats, point: Floats, cut: int) -> _Box:
-        """Return percentile intervals of each column of scales (m, p), widened to hold point."""
+        """Return the box of percentile intervals of scales (m, p), widened to hold ``point`` (p,).
+
+        Each interval leaves out ``cut`` scales at either end.
+        """
         ordered = np.sort(scales, axis=0)
         return _Box(
             np.minimum(ordered[cut], point), np.maximum(ordered[len(scales) - 1 - cut], point)
         )
 
     def extremes(self, d: Floats) -> tuple[Floats, Floats]:
-        """Return the least and the greatest plausible d.e (n,) of d (n, k)."""
+        """Return the least and the greatest plausible d.e (n,) for differences d (n, k)."""
         ends = np.stack([d[:, 1:] * self.lo, d[:, 1:] * self.hi])
         least, greatest = ends.min(axis=0), ends.max(axis=0)
         return np.add.accumulate(least, axis=1)[:, -1], np.add.accumulate(greatest, axis=1)[:, -1]
@@ -455,10 +459,7 @@ def refit_point(n: int, growth: float) -> int:
 
 
 def next_refit(n: int, growth: float) -> int:
-    """Return the smallest number r_i > n at which a fit is made.
-
-    The schedule is that of ``refit_point``.
-    """
+    """Return the smallest number of answers above n at which a fit is made (``refit_point``)."""
     if (n + 1) * growth <= 1:
         return n + 1
     points = _refits(growth, 1 << n.bit_length())
@@ -467,7 +468,10 @@ def next_refit(n: int, growth: float) -> int:
 
 @lru_cache(maxsize=64)
 def _refits(growth: float, beyond: int) -> tuple[int, ...]:
-    """Return the part of the schedule whose steps exceed one, up to ``beyond``."""
+    """Return the numbers of answers at which fits are made, as far as ``beyond``.
+
+    The first is the one from which on steps may exceed 1.
+    """
     points = [max(1, int(1 / growth))]
     while points[-1] <= beyond:
         points.append(points[-1] + max(1, math.ceil(points[-1] * growth)))

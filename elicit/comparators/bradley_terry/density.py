@@ -1,13 +1,14 @@
-"""The density of a particle: prior times likelihood, in compiled code.
+"""The posterior density of a particle, up to a constant: prior times likelihood, in compiled code.
 
-The first p coordinates of a particle x give theta = exp(x) = c g. If the lapse is learned, its
-logit follows (see ``slips``). The tutor may call equal two things that are close. If the width of
-"close" is learned, the last coordinate is the logarithm of its ratio to the median width.
+A particle x is one guess at the scale and the tutor. Its first p coordinates give theta = exp(x) =
+c g, the gaps times the precision c. If the lapse is learned, the next coordinate is its logit (see
+``slips``). If the width of EQUAL is learned, the last coordinate is the logarithm of its ratio to
+the median width: the tutor calls equal two things that are closer than the width.
 
-With a width w an answer is one of three (Rao and Kupper 1967). P(better) = sigma(c d.e - c w), and
-P(worse) is the same of -d. P(equal) is the rest, (1 - exp(-2 c w)) sigma(c w - c d.e) sigma(c w + c
-d.e). A lapse gives EQUAL in a share ``EQUAL_LAPSES``, and each of the others equally often.
-Without a width an answer is one of two, and a tie counts as half an answer each way.
+With a width w there are three answers (Rao and Kupper 1967). P(better) = sigma(c d.e - c w), and
+P(worse) is the same for -d. P(equal) is the rest, (1 - exp(-2 c w)) sigma(c w - c d.e) sigma(c w +
+c d.e). A lapse says EQUAL with probability ``EQUAL_LAPSES``, and the two others with half the rest
+each. Without a width there are two answers, and a tie counts as half an answer each way.
 
 Each term of the log-likelihood is at most 0. So a proposal can be rejected as soon as its partial
 sum is too low.
@@ -33,15 +34,15 @@ LEAST_WIDTH = 1e-6  # in logits: below, products of eight probabilities of EQUAL
 
 
 class ParticlePrior(NamedTuple):
-    """Prior of a particle.
+    """The prior of a particle, as plain arrays and numbers.
 
-    The log density of the gaps g is that of a mixture over shapes a of Dirichlet(a), in S = sum log
-    g. The precision has log c ~ N(mean, sd^2). If ``fixed`` > 0, it is the known precision, and the
-    level of x means nothing. If ``lapse`` >= 0, it is the known lapse. If it is negative, the lapse
-    is a coordinate: LEAST_LAPSE or more, and Beta(a, b) a priori otherwise. If ``tie`` > 0, the
-    width w is a coordinate: log w is logistic a priori, with median log ``tie`` and scale 1, but w
-    is at most the value range. Gaps, precision and lapse may instead be those of a kind of earlier
-    people.
+    The gaps g follow a mixture of Dirichlet(a) over shapes a; their log density depends on S = sum
+    log g alone. The precision has log c ~ N(mean, sd^2). If ``fixed`` > 0, that is the known
+    precision, and the sum of theta means nothing. If ``lapse`` >= 0, that is the known lapse. If it
+    is negative, the lapse is a coordinate: it is at least LEAST_LAPSE, and Beta(a, b) a priori
+    otherwise. If ``tie`` > 0, the width w of EQUAL is a coordinate: log w is logistic a priori,
+    with median log ``tie`` and scale 1, but w is at most the value range. Gaps, precision and lapse
+    may instead follow the law of a kind of earlier people.
     """
 
     shapes: Floats  # (nodes,), at most BLOCK
@@ -61,7 +62,7 @@ class ParticlePrior(NamedTuple):
 
 @compiled
 def scaled(x: Any, fixed: float, theta: Any) -> float:
-    """Return log c of x (>= p,), and write theta = c g into theta (p,)."""
+    """Return log c of particle x (>= p,), and write theta = c g into ``theta`` (p,)."""
     p = len(theta)
     most, total = x[0], 0.0
     for j in range(p):
@@ -79,9 +80,9 @@ def scaled(x: Any, fixed: float, theta: Any) -> float:
 
 @compiled
 def log_prior(x: Any, prior: ParticlePrior, theta: Any, work: Any) -> float:
-    """Return the log density of x up to a constant, and write theta = c g into theta (p,).
+    """Return the log prior density of x up to a constant, and write theta = c g into theta (p,).
 
-    It is -inf if a prior inequality fails. ``work`` is (2, BLOCK).
+    It is -inf if a prior inequality fails. ``work`` (2, BLOCK) is overwritten.
     """
     p, s, c = len(theta), 0.0, 0.0
     log_c = scaled(x, prior.fixed, theta)
@@ -117,11 +118,11 @@ def log_prior(x: Any, prior: ParticlePrior, theta: Any, work: Any) -> float:
 
 @compiled
 def among_kinds(x: Any, log_c: float, general: float, prior: ParticlePrior, terms: Any) -> float:
-    """Return the log density of a mixture of the general law and of kinds of people.
+    """Return the log density of a mixture of the general prior and of kinds of people.
 
-    A row of ``prior.kinds`` is the log of the kind's weight with its constants, the mean and the
-    standard deviation of log c, the two parameters of the lapse, and those of a Dirichlet law of
-    the gaps. ``general`` is the log of the general law's part, and ``terms`` (BLOCK,) is
+    A row of ``prior.kinds`` describes one kind: the log of its weight and constants, the mean and
+    the standard deviation of log c, the two parameters of the lapse, and the Dirichlet parameters
+    of the gaps. ``general`` is the log of the general prior's part. ``terms`` (BLOCK,) is
     overwritten.
     """
     best, total, p = general, 0.0, prior.kinds.shape[1] - 5
@@ -159,14 +160,14 @@ def logistic(u: float) -> float:
 
 @compiled
 def odds(u: float) -> float:
-    """Return exp(u), between exp(-FARTHEST) and exp(FARTHEST)."""
+    """Return the odds exp(u) of log odds u, limited to exp(-FARTHEST) and exp(FARTHEST)."""
     less: float = small_exp(min(abs(u), FARTHEST))
     return 1.0 / less if u >= 0.0 else less
 
 
 @compiled
 def slips(x: Any, theta: Any, prior: ParticlePrior) -> tuple[float, float]:
-    """Return the lapse and the width c w, in logits, of x whose theta (p,) is given.
+    """Return the lapse and the width c w of EQUAL, in logits, of particle x with theta (p,).
 
     The width is 0 if EQUAL means equal.
     """
@@ -192,9 +193,10 @@ def log_likelihood(
     least: float,
     work: Any,
 ) -> float:
-    """Return the sum of ``log_term`` over rows (p, n) from ``first`` up to ``end``.
+    """Return the log-likelihood of the answers in rows (p, n) from ``first`` up to ``end``.
 
-    It is -inf as soon as the sum is below ``least``. ``work`` is (2, BLOCK).
+    It is the sum of ``log_term``, and -inf as soon as the sum is below ``least``. ``work`` (2,
+    BLOCK) is overwritten.
     """
     total = 0.0
     for start in range(first, end, BLOCK):
@@ -214,7 +216,10 @@ def log_likelihood(
 
 @for_each_number
 def logits(theta: Any, rows: Any, start: int, size: int, out: Any) -> None:
-    """Write row.theta into out (>= size,) for ``size`` rows of rows (p, n), from ``start`` on."""
+    """Write the logits t.theta of ``size`` answers into ``out``.
+
+    The answers are columns of ``rows`` (p, n), from ``start`` on.
+    """
     p, stop = len(theta), start + size
     for i in range(size):
         out[i] = 0.0
@@ -232,11 +237,11 @@ def logits(theta: Any, rows: Any, start: int, size: int, out: Any) -> None:
 
 @compiled
 def log_terms(work: Any, tied: Any, lapse: float) -> float:
-    """Return the sum of one block's terms, one for each entry of ``tied``.
+    """Return the sum of ``log_term`` over a block of answers, one for each entry of ``tied``.
 
-    The first row of ``work`` (2, BLOCK) holds eta, and is overwritten. sigma(eta) is 1 or
-    exp(-|eta|), divided by 1 + exp(-|eta|). Taking products of both first needs few logarithms, and
-    multiplying by halves needs few steps.
+    The first row of ``work`` (2, BLOCK) holds the answers' logits eta, and is overwritten.
+    sigma(eta) is 1 or exp(-|eta|), divided by 1 + exp(-|eta|). Numerators and denominators are
+    multiplied up before a logarithm is taken, so that few logarithms are needed.
     """
     above, below, size, ties, far = work[0], work[1], len(tied), 0, 0
     for i in range(size):
@@ -262,7 +267,10 @@ def log_terms(work: Any, tied: Any, lapse: float) -> float:
 
 @compiled
 def log_terms_apart(work: Any, tied: Any, lapse: float, width: float) -> float:
-    """Return the sum of one block's terms with a width, as ``log_terms`` does without one."""
+    """Return the sum of ``log_term`` over a block of answers, for a tutor with a width of EQUAL.
+
+    ``log_terms`` is the same for a tutor without one.
+    """
     above, below, size, far = work[0], work[1], len(tied), 0
     sure, equal = 1.0 - lapse, -math.expm1(-2.0 * width)
     rare, often = EQUAL_LAPSES * lapse, 0.5 * (1.0 - EQUAL_LAPSES) * lapse
@@ -287,10 +295,10 @@ def log_terms_apart(work: Any, tied: Any, lapse: float, width: float) -> float:
 
 @compiled
 def log_quotient(above: Any, below: Any, size: int, low: float) -> float:
-    """Return the logarithm of the product of above / (1 + below) over the first ``size`` entries.
+    """Return the log of the product of above / (1 + below) over the first ``size`` entries.
 
     Both arrays are (BLOCK,) and are overwritten. If a partial product of ``above`` is below
-    ``low``, its logarithm is taken at once.
+    ``low``, its logarithm is taken at once, so that nothing underflows.
     """
     for i in range(size):
         below[i] += 1.0
@@ -312,12 +320,12 @@ def log_quotient(above: Any, below: Any, size: int, low: float) -> float:
 
 @compiled
 def log_term(eta: float, tied: bool, lapse: float, width: float) -> float:
-    """Return the log-probability of an answer of logit eta, at most 0.
+    """Return the log-probability of one answer whose logit is eta = c d.e; at most 0.
 
-    Without a width it is log(lapse/2 + (1 - lapse) sigma(eta)). If ``tied``, it is the mean of that
-    and of the opposite answer's. With a width > 0 it is log((1 - EQUAL_LAPSES) lapse/2 + (1 -
-    lapse) sigma(eta - width)). If ``tied``, it is the logarithm of the probability that this answer
-    and its opposite leave of 1.
+    Without a width it is log(lapse/2 + (1 - lapse) sigma(eta)). For a tie (``tied``) it is the mean
+    of that and of the opposite answer's. With a width > 0 it is log((1 - EQUAL_LAPSES) lapse/2 + (1
+    - lapse) sigma(eta - width)). For a tie it is the log of what this probability and the opposite
+    answer's leave of 1.
     """
     if width > 0.0:
         eta, top = width - abs(eta) if tied else eta - width, 0.0
@@ -344,8 +352,8 @@ def exp_of_minus(u: Any) -> Any:
     """Return exp(-u) for u in 0..60.
 
     The relative error is a few parts in 10^14 if the result is above 1e-8, and in 10^11 below. The
-    method is Taylor's series of exp(-u/256), squared eight times. It has no branches, for code that
-    treats several u at once.
+    method is Taylor's series of exp(-u/256), squared eight times. It has no branches, so that the
+    compiler can treat several u at once.
     """
     v = u * (-1.0 / 256.0)
     e = 1.0 / 40320.0 + v * (1.0 / 362880.0)
@@ -373,9 +381,10 @@ small_exp = compiled(exp_of_minus)
 
 @compiled
 def likelihoods(theta: Any, slip: Any, rows: Any, tied: Any, n: int, out: Any) -> None:
-    """Write the log-likelihood (m,) of row n - 1 into ``out``, for particles of theta (p, m).
+    """Write the log-likelihood (m,) of the last of n answers, for each particle, into ``out``.
 
-    ``slip`` (2, m) holds their lapses and widths.
+    The particles are given by theta (p, m), and by ``slip`` (2, m), their lapses and widths of
+    EQUAL.
     """
     p, m = theta.shape
     for i in range(m):
@@ -400,7 +409,10 @@ def powered(
     least: float,
     work: Any,
 ) -> float:
-    """Return ``log_likelihood`` of the first n rows, with the last one's to the power ``last``."""
+    """Return the log-likelihood of n answers, the last one's raised to the power ``last``.
+
+    The other arguments are those of ``log_likelihood``.
+    """
     if last == 1.0:
         return log_likelihood(theta, rows, tied, 0, n, lapse, width, least, work)
     found = last * log_likelihood(theta, rows, tied, n - 1, n, lapse, width, -math.inf, work)

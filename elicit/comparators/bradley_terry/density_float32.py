@@ -1,12 +1,13 @@
-"""Likelihoods in single precision, which decide nearly all proposals.
+"""Likelihoods in single precision, which suffice to decide nearly all proposals of the sampler.
 
 They save a tenth of the CPU time at 50 answers, and half or more at 300 and beyond
 (benchmarks/RESULTS-single-precision.md).
 
-No decision depends on their rounding. Each comes with a bound on its error. A proposal that is
-closer than that to its limit is left to double precision. So the rows may come in any order. Those
-that particles find hard to explain come first, and a bad proposal is rejected after few of them.
-Rows are padded to whole blocks, so that every loop has a length that the compiler knows.
+No decision depends on their rounding. Each likelihood has a bound on its error. If a proposal is
+closer than that to the limit at which it is rejected, double precision decides. So the answers may
+be summed in any order. Those that the particles find hard to explain come first, so that a bad
+proposal is rejected after few of them. Rows are padded to whole blocks, so that every loop has a
+length that the compiler knows.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ _C2, _C3, _C4, _C5, _C6, _C7 = (np.float32(1.0 / math.factorial(i)) for i in ran
 
 
 class Rough(NamedTuple):
-    """Single-precision rows, reordered, zero-padded to whole blocks."""
+    """Rows of answers in single precision, reordered, and padded with zeros to whole blocks."""
 
     rows: Any  # (p, n), single precision
     tied: Any  # (n,)
@@ -59,10 +60,11 @@ class Rough(NamedTuple):
 
 @compiled
 def hardest_first(x: Any, rows: Any, tied: Any, n: int, prior: ParticlePrior) -> Any:
-    """Return the order (n,) of the first n of rows (p, >= n), hardest to explain first.
+    """Return the order (n,) of n answers, so that those hardest to explain come first.
 
-    Rows that are ``tied`` come first. The others follow by their logits at the mean theta of
-    particles x (m, >= p), to within ``WIDTH``, the least first.
+    The answers are columns of ``rows`` (p, >= n). Ties come first. The others follow by their
+    logits at the mean theta of particles x (m, >= p), lowest first. Logits that differ by less than
+    ``WIDTH`` count as equal.
     """
     p, m = len(rows), len(x)
     theta, mean, eta = np.empty(p), np.zeros(p), np.zeros(n)
@@ -87,7 +89,7 @@ def hardest_first(x: Any, rows: Any, tied: Any, n: int, prior: ParticlePrior) ->
 
 @compiled
 def roughened(rows: Any, tied: Any, order: Any) -> Rough:
-    """Return the rows (p, n) and ``tied`` (n,) in the order ``order``, as ``Rough`` has them."""
+    """Return rows (p, n) and ``tied`` (n,) in single precision, in the given order."""
     p, n, whole = len(rows), len(order), (len(order) + BLOCK - 1) // BLOCK * BLOCK
     out, ties, sums = np.zeros((p, whole), np.float32), np.zeros(whole, np.bool_), np.zeros(p)
     counts = np.zeros(whole // BLOCK, np.int64)
@@ -103,7 +105,7 @@ def roughened(rows: Any, tied: Any, order: Any) -> Rough:
 
 @compiled
 def error(theta: Any, rough: Rough, width: float) -> float:
-    """Return an upper bound on the error of ``rough_likelihood`` of n rows."""
+    """Return an upper bound on the rounding error of ``rough_likelihood``."""
     sizes, p = 0.0, len(theta)
     for j in range(p):
         sizes += rough.sums[j] * theta[j]
@@ -119,11 +121,11 @@ def error(theta: Any, rough: Rough, width: float) -> float:
 def rough_likelihood(
     theta: Any, rough: Rough, lapse: float, width: float, least: float, small: Any
 ) -> float:
-    """Return ``log_likelihood`` of theta (p,) to within ``error``.
+    """Return the log-likelihood of theta (p,) in single precision, to within ``error``.
 
-    If the lapse is below ``LEAST_LAPSE``, it may be too great by more, since a term is never less
-    than exp(-``_NEAR``). It is -inf as soon as it must be below ``least``. ``small`` (2, BLOCK), in
-    single precision, is overwritten.
+    If the lapse is below ``LEAST_LAPSE``, the result may be too great by more, because a term is
+    never less than exp(-``_NEAR``). The result is -inf as soon as it must be below ``least``.
+    ``small`` (2, BLOCK), in single precision, is overwritten.
     """
     whole, gone, share = len(rough.tied), 0.0, 1.0
     for j in range(len(theta)):
@@ -152,9 +154,9 @@ def rough_likelihood(
 
 @loosely
 def rough_terms(small: Any, lapse: float) -> None:
-    """Write one block's terms over eta in the first row of ``small`` (2, BLOCK).
+    """Replace a block's logits eta, the first row of ``small`` (2, BLOCK), by their terms.
 
-    See ``density.log_terms``.
+    The terms are those of ``density.log_terms``.
     """
     above, below = small[0], small[1]
     half, sure = np.float32(0.5 * lapse), np.float32(1.0 - lapse)
@@ -167,9 +169,9 @@ def rough_terms(small: Any, lapse: float) -> None:
 
 @loosely
 def rough_ties(small: Any, tied: Any, lapse: float) -> None:
-    """Write one block's terms for the rows that are ``tied`` (BLOCK,).
+    """Write a block's terms for those answers that are ``tied`` (BLOCK,).
 
-    ``rough_terms`` writes those of the others.
+    ``rough_terms`` writes the terms of the others.
     """
     above, below = small[0], small[1]
     half, sure = np.float32(0.5 * lapse), np.float32(1.0 - lapse)
@@ -181,7 +183,10 @@ def rough_ties(small: Any, tied: Any, lapse: float) -> None:
 
 @loosely
 def rough_terms_apart(small: Any, tied: Any, lapse: float, width: float) -> None:
-    """Write one block's terms with a width (see ``density.log_terms_apart``)."""
+    """Replace a block's logits by their terms, with a width of EQUAL.
+
+    See ``density.log_terms_apart``.
+    """
     above, below = small[0], small[1]
     rare, often, sure, equal = (
         np.float32(EQUAL_LAPSES * lapse),
@@ -212,7 +217,7 @@ def product(terms: Any) -> float:
 
 @loosely
 def rough_exp(u: Any) -> Any:
-    """Return exp(-u) for u in 0..30 in single precision, as ``small_exp`` does.
+    """Return exp(-u) for u in 0..30 in single precision.
 
     The relative error is at most 4e-6 for u up to 15.
     """

@@ -1,17 +1,17 @@
-"""A prior from earlier people: the scales, precisions and lapses that are common among them.
+"""A prior learned from earlier people: scales, precisions and lapses that were common among them.
 
-People are of a few kinds. A kind has a Dirichlet law of the gaps, a normal law of log c, and a Beta
-law of the lapse. Expectation-maximisation fits these laws to particles of each person's own
-posterior. Each step weighs the particles anew by how likely they are among the kinds. So one person
-learns from the others, and an unsteady person counts little.
+The model is that people are of a few kinds. A kind has a Dirichlet law of the gaps, a normal law of
+log c, and a Beta law of the lapse. Expectation-maximisation fits these laws to particles of each
+person's own posterior, and in each step reweights the particles by the laws. So the people inform
+each other, and a person of erratic answers counts little.
 
-Answers of a few people fit many laws almost equally well, and which one is found depends on the
-particles. So the fit is made ``FITS`` times, each time to other particles, and the prior is the
-mean of the fits' densities. The particles are the same whatever the comparator's seed is.
+A few people's answers fit many laws almost equally well, and which one is found depends on the
+particles. So the fit is made ``FITS`` times, each time to other particles, and the prior's density
+is the mean of those of the fits. The particles do not depend on the comparator's seed.
 
-The next person may be unlike everybody before. So the general prior keeps a share of the weight
-that falls with the number of people: ``NEWCOMERS / (NEWCOMERS + people)``, as in Blackwell and
-MacQueen's (1973) urn.
+The next person may be unlike everybody before. So the general prior keeps the weight ``NEWCOMERS /
+(NEWCOMERS + people)``, which falls with the number of people, as in the urn of Blackwell and
+MacQueen (1973).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from elicit.model.query import Answers
 from elicit.model.scale import Floats
 
 NEWCOMERS = 4.0
-"""Number of people that the general prior counts as."""
+"""The general prior has the weight of this many people."""
 
 MOST_KINDS, PEOPLE_A_KIND = (
     3,
@@ -46,18 +46,18 @@ _LEAST_LAPSE = 1e-4
 
 
 class HasAnswers(Protocol):
-    """An answer log, as far as ``like`` reads it."""
+    """The part of an answer log that the option ``like`` reads."""
 
     def answers(self) -> Answers:
         """Return the answers that a comparator learns from."""
 
 
 Logs: TypeAlias = Mapping[str, HasAnswers | Answers] | Iterable[HasAnswers | Answers]
-"""One answer log, or its Answers, for each of some people; perhaps by their names."""
+"""An answer log, or its Answers, for each of several people; perhaps by name."""
 
 
 class OwnParticles(NamedTuple):
-    """Weighted particles of one person's own posterior: logs of gaps (m, p), log c, and lapse."""
+    """Weighted particles of one person's posterior: logs of gaps (m, p), log c, and lapse."""
 
     log_gaps: Floats
     log_c: Floats
@@ -66,7 +66,7 @@ class OwnParticles(NamedTuple):
 
 
 class Kind(NamedTuple):
-    """One kind of people, and its share among the earlier ones."""
+    """One kind of people: its laws, and its share among the earlier people."""
 
     share: float
     shapes: tuple[float, ...]  # of the Dirichlet law of the gaps
@@ -77,10 +77,10 @@ class Kind(NamedTuple):
 
 
 class EarlierPeople(NamedTuple):
-    """The prior knowledge about the next person, from earlier people's answers.
+    """Prior knowledge about the next person, learned from earlier people's answers.
 
-    ``people`` is their number, ``answers`` the number of their answers, and ``kinds`` the kinds
-    that they belong to, by one of the fits or another.
+    ``people`` is the number of people, ``answers`` the number of their answers, and ``kinds`` all
+    the kinds that the fits have found.
     """
 
     people: int
@@ -89,11 +89,11 @@ class EarlierPeople(NamedTuple):
 
     @property
     def newcomer(self) -> float:
-        """The weight of the general prior, for a next person who is like none of them."""
+        """The weight of the general prior: for a next person who is unlike the earlier ones."""
         return NEWCOMERS / (NEWCOMERS + self.people)
 
     def rows(self, learns_lapse: bool) -> Floats:
-        """Return the kinds as ``density.among_kinds`` reads them."""
+        """Return the kinds as an array, a row for each, as ``density.among_kinds`` reads them."""
         return np.array(
             [
                 [
@@ -108,7 +108,7 @@ class EarlierPeople(NamedTuple):
 
 
 def _constant(kind: Kind, learns_lapse: bool) -> float:
-    """Return the log of the constants of a kind's laws, without that of a standard normal."""
+    """Return the log of the constants of a kind's densities, without that of a standard normal."""
     shapes = np.array(kind.shapes)
     found = gammaln(shapes.sum()) - gammaln(shapes).sum() - np.log(kind.log_precision_sd)
     if learns_lapse:
@@ -124,23 +124,24 @@ def learned_from(
     learns_lapse: bool,
     seed: int,
 ) -> EarlierPeople:
-    """Return the kinds of people that explain the particles of some people.
+    """Return the kinds of people that best explain the posteriors of several earlier people.
 
     Parameters
     ----------
     people : list of OwnParticles
-        One for each person, all with the same number of particles.
+        Particles of each person's posterior, equally many for all.
     answers : int
-        Number of their answers.
+        Number of answers that these people gave.
     general : callable
-        The log density of the general prior (n,) at particles, in the measure of ``Kind``'s laws,
-        without the constant of a standard normal.
+        Takes particles, and returns the log density (n,) of the general prior at them. The measure
+        is that of ``Kind``'s laws, and the constant of a standard normal is left out.
     least_shape : float
         Least parameter of a Dirichlet law.
     learns_lapse : bool
         If False, the lapse is known, and no part of a kind.
     seed : int
-        Seed of the random deals of people into kinds, from which the fit begins ``DEALS`` times.
+        Seed of the random assignments of people to kinds, from which the fit starts ``DEALS``
+        times.
 
     Returns
     -------
@@ -167,7 +168,7 @@ def learned_from(
 
 
 def averaged(fits: list[EarlierPeople]) -> EarlierPeople:
-    """Return the prior whose density is the mean of those of some fits to the same people."""
+    """Return the prior whose density is the mean of those of several fits to the same people."""
     kinds = tuple(
         kind._replace(share=_short(kind.share / len(fits))) for fit in fits for kind in fit.kinds
     )
@@ -183,9 +184,9 @@ def _maximised(
     least_shape: float,
     learns_lapse: bool,
 ) -> tuple[float, list[Kind]]:
-    """Return the log-likelihood of n people's answers, up to a constant, and likelier kinds.
+    """Run ``steps`` of expectation-maximisation; return the log-likelihood and the new kinds.
 
-    The likelihood is that of the kinds before the last step of expectation-maximisation.
+    The log-likelihood is that of the kinds before the last step, up to a constant, for n people.
     """
     newcomer, found = NEWCOMERS / (NEWCOMERS + n), 0.0
     for _ in range(steps):
@@ -214,7 +215,7 @@ def _log_density(kind: Kind, at: OwnParticles, learns_lapse: bool) -> Floats:
 
 
 def _fitted(at: OwnParticles, held: Floats, least_shape: float, learns_lapse: bool) -> list[Kind]:
-    """Return the likeliest kinds, given the particles' weights (kinds, n) in each."""
+    """Return the most likely kinds, if the particles belong to each with weights (kinds, n)."""
     kinds, most = [], held.sum()
     for part in held:
         total = part.sum()
@@ -233,7 +234,9 @@ def _fitted(at: OwnParticles, held: Floats, least_shape: float, learns_lapse: bo
 
 
 def dirichlet_fit(mean_logs: Floats) -> Floats:
-    """Return the parameters (p,) of the likeliest Dirichlet law, by Minka's (2000) Newton steps.
+    """Return the maximum-likelihood parameters (p,) of a Dirichlet law (Minka 2000).
+
+    The method is Newton steps.
 
     Parameters
     ----------
@@ -270,13 +273,13 @@ def _short(number: float) -> float:
 def drawn(
     earlier: EarlierPeople, rng: np.random.Generator, m: int
 ) -> tuple[Floats, list[tuple[Floats, Floats, Floats]]]:
-    """Return the kind of each of m people, -1 for none, and each kind's draws.
+    """Draw m people: return the kind of each, -1 for none, and for each kind its people's numbers.
 
     Returns
     -------
     kinds : (m,)
     draws : list of (log_gaps (q, p), log_c (q,), lapse (q,))
-        One for each kind, with as many rows as there are people of the kind.
+        An entry for each kind, with as many rows as people were drawn from the kind.
     """
     bounds = earlier.newcomer + (1.0 - earlier.newcomer) * np.cumsum(
         [0.0, *(kind.share for kind in earlier.kinds)]
@@ -297,9 +300,9 @@ def drawn(
 
 
 def log_dirichlet(rng: np.random.Generator, shapes: Floats) -> Floats:
-    """Return logs (m, p) of draws from Dirichlet laws of parameters (m, p).
+    """Return logs (m, p) of draws from Dirichlet laws with parameters (m, p).
 
-    A gamma variate of a small shape may underflow, so its logarithm is drawn.
+    The logarithm is drawn directly, because a gamma variate of a small shape may underflow.
     """
     x = np.log(rng.standard_gamma(shapes + 1.0)) + np.log(rng.random(shapes.shape)) / shapes
     x -= x.max(axis=1, keepdims=True)
@@ -308,7 +311,7 @@ def log_dirichlet(rng: np.random.Generator, shapes: Floats) -> Floats:
 
 
 def answers_of_each(people: Logs, k: int) -> list[Answers]:
-    """Return the answers of each of some people. Raise TypeError or ValueError."""
+    """Return each person's answers, over k levels. Raise TypeError or ValueError."""
     wanted = "like= takes one AnswerLog or Answers a person, in a list or in a dict by name"
     if isinstance(people, (str, bytes, Answers)) or hasattr(people, "answers"):
         raise TypeError(f"{wanted}, not {type(people).__name__}: for one person write like=[...]")
@@ -336,5 +339,5 @@ def answers_of_each(people: Logs, k: int) -> list[Answers]:
                 f"{', '.join(map(repr, whose))}: give those of each (Answers.of_person)"
             )
         found.append(answers)
-    # what is learned must depend neither on the order of people nor on their names
+    # the result must depend neither on the order of people nor on their names
     return sorted(found, key=lambda one: (one.d.tobytes(), one.y.tobytes()))

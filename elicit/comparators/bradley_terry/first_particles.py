@@ -26,15 +26,15 @@ PRECISION = (math.log(30.0), 2.5)
 
 
 CONCENTRATION = (0.2, 2.0)
-"""Least and greatest sum of the Dirichlet parameters of the gaps a priori. Of the sum, not of each:
-a law that keeps to each decides more before any answer the more levels there are, and is then wrong
-on scales of a few large gaps. With a fixed sum, levels set in between leave the law of the others
-as it was (Ferguson 1973)."""
+"""Least and greatest sum of the Dirichlet parameters of the gaps a priori. The range is one of the
+sum, not of each parameter. With a range of each parameter, more levels would decide more before any
+answer, wrongly on scales of a few large gaps. With a fixed sum, levels added in between leave the
+law of the others as it was (Ferguson 1973)."""
 
 
 LAPSE = (1.0, 4.0)
-"""The lapse a priori is Beta of these two: none is the likeliest, a fifth the mean, and .6 (a tutor
-who flips three answers in ten) still within what is foreseen. ``tutor_report`` has the same
+"""A priori the lapse is Beta with these two parameters. No lapse is the most likely, a fifth the
+mean, and .6 (a tutor who flips three answers in ten) still plausible. ``tutor_report`` has the same
 prior."""
 
 
@@ -47,8 +47,8 @@ def prior_law(
 ) -> ParticlePrior:
     """Return the prior's density, for a tutor who calls nothing equal.
 
-    Its mixture over shapes is computed by Gauss and Legendre's rule in log a. A precision or lapse
-    of None is to be learned.
+    The integral over Dirichlet shapes a is computed by Gauss-Legendre quadrature in log a. A
+    precision or lapse of None is to be learned.
     """
     p, (low, high) = k - 1, shape
     nodes, mass = np.polynomial.legendre.leggauss(1 if low == high else _NODES)
@@ -83,10 +83,10 @@ def first_particles(
     inequalities: Prior | None,
     like: EarlierPeople | None,
 ) -> Floats:
-    """Return particles (m, >= p) from a prior.
+    """Return particles (m, >= p) drawn from a prior.
 
     The first p columns are the logs of gaps times precision. A learned lapse and a learned width of
-    EQUAL have a column each, as logits.
+    EQUAL have a further column each, as logits.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def first_particles(
     prior : ParticlePrior
     inequalities : Prior, optional
     like : EarlierPeople, optional
-        Scales, precisions and lapses of some of the particles are drawn from theirs.
+        Some of the particles are drawn from the kinds of earlier people.
 
     Raises
     ------
@@ -132,7 +132,7 @@ def first_particles(
 
 
 def _within(x: Floats, key: int, prior: ParticlePrior, inequalities: Prior) -> Floats:
-    """Return particles of a prior, moved to where its inequalities hold.
+    """Return particles x of a prior, moved to where its inequalities hold.
 
     They move through nested sets, each of which holds half of the particles of the one before
     (subset simulation, Au and Beck 2001). Raise ValueError if no scale satisfies the inequalities,

@@ -1,8 +1,9 @@
-"""The likelihood of noisy answers (eq. 6 and 7) and its fit, for many bootstrap samples at once.
+"""The likelihood of a noisy tutor's answers and its fit, for many bootstrap samples at once.
 
-In gap coordinates eq. (6) is P(left is better) = 1 / (1 + exp(-t.gamma)), with t the tail sums of
-left - right and gamma_j = c (e_{j+1} - e_j) >= 0 the scaled gaps. The log-likelihood is concave in
-gamma, so a fit is a convex problem. ``fit`` solves many of them fast.
+It is the paper's eq. (6) and (7). In gap coordinates eq. (6) is P(left is better) = 1 / (1 +
+exp(-t.gamma)). Here t are the tail sums of left - right, and gamma_j = c (e_{j+1} - e_j) >= 0 the
+scaled gaps. The log-likelihood is concave in gamma, so a fit is a convex problem. ``fit`` solves
+many of them fast.
 
 Shapes: n answers, p = k - 1 gaps, m resamples. An answer y = 0 (a tie) counts as half an answer
 each way, or has a probability of its own (Rao and Kupper 1967; see ``fit``). Gammas are in logits
@@ -34,7 +35,7 @@ Signs = NDArray[np.integer]
 
 
 class Fit(NamedTuple):
-    """The fitted gamma (m, p), and for each of the m problems whether it converged."""
+    """The fitted gamma (m, p) of m problems, and whether each converged (m,)."""
 
     gamma: Floats
     converged: NDArray[np.bool_]
@@ -49,7 +50,7 @@ def sigmoid(z: ArrayLike) -> Floats:
 
 
 def log_likelihood(gamma: Floats, t: Floats, y: Signs, weights: Floats | float = 1.0) -> Floats:
-    """Return the log-likelihood of eq. (7).
+    """Return the log-likelihood, the paper's eq. (7).
 
     Parameters
     ----------
@@ -93,15 +94,15 @@ def derivatives(
 
 
 def _blocks(m: int, n: int) -> list[slice]:
-    """Return slices of the n answers for which arrays of m problems stay in the cache."""
+    """Return slices of the n answers, so short that arrays of m problems stay in the cache."""
     size = min(max(64, _BLOCK // max(1, m)), _ROWS)
     return [slice(i, i + size) for i in range(0, n, size)]
 
 
 def outer_rows(t: Floats) -> Floats:
-    """Return upper triangles (n, p(p+1)/2) of the outer product of each row of t with itself.
+    """Return the upper triangle of the outer product of each row of t with itself.
 
-    They turn the Hessians of all resamples into one matrix product.
+    The result is (n, p(p+1)/2). With it the Hessians of all resamples are one matrix product.
     """
     n, p = t.shape
     products, first = np.empty((n, p * (p + 1) // 2)), 0
@@ -120,10 +121,9 @@ def _symmetric(upper: Floats, p: int) -> Floats:
 
 @dataclass(frozen=True)
 class _Problems:
-    """Penalised fits, m of them, of the same rows with different weights.
+    """A batch of m penalised fits to the same rows with different weights.
 
-    They are solved for u = gamma / precision, the gaps themselves. So the rows are
-    x = precision * t.
+    They are solved for the gaps u = gamma / precision. So the rows are x = precision * t.
     """
 
     x: Floats  # (n, p)
@@ -136,7 +136,7 @@ class _Problems:
     width: float  # width of such ties, in logits for gaps that total 1
 
     def loss(self, u: Floats) -> Floats:
-        """Return the loss (m,) to minimise: minus eq. (7), plus the ridge."""
+        """Return the loss (m,) to minimise: minus the log-likelihood, plus the ridge penalty."""
         ridge = self.strength / 2.0 * ((u - self.centre) ** 2).sum(axis=1)
         total: Floats = ridge - log_likelihood(u, self.x, self.y, self.weights)
         if self.width > 0:
@@ -159,16 +159,13 @@ class _Problems:
         return gradient, hessian
 
     def only(self, rows: NDArray[np.bool_] | slice) -> _Problems:
-        """Return some of the problems."""
+        """Return the batch of these problems alone."""
         return replace(
             self, weights=self.weights[rows], centre=self.centre[rows], equal=self.equal[rows]
         )
 
     def project(self, u: Floats) -> Floats:
-        """Return the nearest admissible point.
-
-        If ``monotone``, no gap is negative.
-        """
+        """Return the admissible points nearest to u (m, p): no gap is negative if ``monotone``."""
         return np.maximum(u, 0.0) if self.monotone else u
 
 
@@ -188,7 +185,7 @@ def fit(
 ) -> Fit:
     """Fit m penalised likelihoods at once.
 
-    Each maximises eq. (7) less (strength / 2) sum_j (gamma_j / precision - centre_j)^2.
+    Each maximises the log-likelihood less (strength / 2) sum_j (gamma_j / precision - centre_j)^2.
 
     Parameters
     ----------
@@ -202,8 +199,8 @@ def fit(
         The prior's centre, in gaps that total 1.
     strength : float
         Strength of the prior. With 0 the maximum may lie at infinity, if some scale explains the
-        answers without error. It may not be unique, if no answer touches some levels. Both leave a
-        direction without curvature, and are reported as not converged.
+        answers without error. It may not be unique, if no answer touches some levels. In both cases
+        the likelihood is flat in some direction, and the fit is reported as not converged.
     weights : (m, n), optional
         Number of times that each resample holds each answer. Default: once.
     start : (p,) or (m, p), optional
@@ -273,10 +270,10 @@ def _fit(problems: _Problems, u: Floats) -> Fit:
 def _step(
     problems: _Problems, u: Floats, loss: Floats
 ) -> tuple[Floats, Floats, NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return one damped step of each problem.
+    """Take one damped Newton step in each problem.
 
-    Returned are the new points, their losses, whether each step was acceptable, and whether it
-    promised too little to go on.
+    Return the new points, their losses, whether each step was acceptable, and whether it promised
+    too little to go on.
     """
     gradient, hessian = problems.slopes(u)
     diagonal = np.einsum("mjj->mj", hessian)  # a view: writing to it writes to the Hessian
@@ -308,9 +305,9 @@ def _step(
 
 
 def _flat(problems: _Problems, u: Floats) -> NDArray[np.bool_]:
-    """Return for each problem (m,) whether some admissible direction at u is flat.
+    """Return for each problem (m,) whether its loss is flat along some admissible direction at u.
 
-    Then u is no unique maximum.
+    If so, u is not the only maximum.
     """
     most = problems.weights @ outer_rows(problems.x) / 4.0  # no logistic curvature exceeds 1/4
     scale = np.sqrt(np.einsum("mjj->mj", _symmetric(most, u.shape[1])))
@@ -326,7 +323,7 @@ def _flat(problems: _Problems, u: Floats) -> NDArray[np.bool_]:
 
 
 def bootstrap_weights(key: int, m: int, n: int) -> Floats:
-    """Return the number of times that each of m resamples holds each of n answers.
+    """Return the number of times (m, n) that each resample holds each answer.
 
     A resample is n draws with replacement. The result is a function of the key and n alone.
 
@@ -345,11 +342,11 @@ def bootstrap_weights(key: int, m: int, n: int) -> Floats:
 
 
 def prior_centres(key: int, m: int, p: int, shape: tuple[float, float] = (1.0, 1.0)) -> Floats:
-    """Return m draws of gaps that total 1, from Dirichlet(a).
+    """Return m draws (m, p) of gaps that total 1, from Dirichlet(a).
 
     Log a is uniform between the logs of the two numbers of ``shape``. With a = 1 the draw is
     uniform on the simplex, and a small a makes a few large gaps. The result is a function of the
-    key alone: each resample keeps its own centre, whatever n.
+    key alone, so a resample keeps its centre when answers are added.
 
     Parameters
     ----------

@@ -1,8 +1,9 @@
-"""Moves that leave the particles' target invariant: differential evolution, and exchanges of gaps.
+"""MCMC moves of the particles: differential evolution, and exchanges of two gaps.
 
-In differential-evolution Metropolis (ter Braak 2006) the steps are differences of other particles,
-and so adapt to the posterior. They change all coordinates or a few (Vrugt et al. 2009). Exchanges
-of two gaps leap between modes: a few answers may show that some gap is large, but not which.
+In differential-evolution Metropolis (ter Braak 2006) a step is along the difference of two other
+particles, and so adapts to the posterior. It changes all coordinates or a few (Vrugt et al. 2009).
+An exchange of two gaps leaps between modes: a few answers may show that some gap is large, but not
+which one.
 """
 
 from __future__ import annotations
@@ -49,9 +50,9 @@ def move(
 ) -> int:
     """Propose moves for each particle x (m, >= p) in turn, ``turns`` times over, in place.
 
-    The moves leave the density of ``log_prior`` and ``powered`` invariant. Single precision decides
-    unless its errors could change the decision. Return the number of accepted moves that changed a
-    particle.
+    The moves leave the density prior times likelihood, of ``log_prior`` and ``powered``, invariant.
+    Single precision decides unless its errors could change the decision. Return the number of
+    accepted moves that changed a particle.
     """
     p, (m, size) = len(rows), x.shape
     proposal, theta, work, small = (
@@ -114,12 +115,12 @@ def move(
 
 @compiled
 def step(x: Any, i: int, p: int, proposal: Any, h: Any) -> bool:
-    """Write a proposal for particle i, a step along the difference of two others.
+    """Write a proposal for particle i: a step along the difference of two other particles.
 
-    The step changes all coordinates, a few neighbouring ones, or the tutor's parameters alone. The
-    last kind changes the coordinates after the first p by a multiple of the difference. It changes
-    the precision by the same multiple of the difference of the two particles' greatest coordinates
-    among the first p. Return False if the two others do not differ there.
+    The step changes all coordinates, a few neighbouring ones, or the tutor's parameters alone. In
+    the last case a multiple of the difference is added to the coordinates after the first p. The
+    precision changes by the same multiple of the difference between the two particles' greatest
+    coordinates among the first p. Return False if the two particles do not differ there.
     """
     m, size = x.shape
     a = int(unit(mix(h, 2)) * (m - 1))
@@ -157,9 +158,9 @@ def step(x: Any, i: int, p: int, proposal: Any, h: Any) -> bool:
 def swap(x: Any, i: int, p: int, proposal: Any, h: Any) -> bool:
     """Write a proposal for particle i with two of its p gaps exchanged.
 
-    One is the greatest of some neighbouring gaps, and the other is another of these. The prior is
-    invariant to the order of the gaps, so that only answers can tell them apart. Return False if
-    both are equal.
+    The first is the greatest of a few neighbouring gaps, and the second is another of these. The
+    prior does not depend on the order of gaps, so only the answers decide. Return False if both
+    gaps are equal.
     """
     first, count = int(unit(mix(h, 2)) * p), 2 + int(unit(mix(h, 3)) * (p - 1))
     best = first

@@ -1,9 +1,9 @@
 """``mcmc.move`` in NumPy, for use until that is compiled, with identical results.
 
-A particle's proposal needs others as they are in its turn: those before it moved, those after it
-not yet. So particles are moved in groups. Each is in the first group that comes after all the
-particles it needs. Five hundred particles make some ten groups. Every sum has the order of the
-compiled code, and logarithms are those of ``math``.
+In ``mcmc.move`` particles move one after the other, and a proposal uses two other particles as they
+are at that time: moved if they come before, else not. So here particles are moved in groups, each
+in the first group after all the particles that it uses. Five hundred particles make some ten
+groups. Every sum has the order of the compiled code, and logarithms are those of ``math``.
 """
 
 from __future__ import annotations
@@ -54,7 +54,8 @@ def move(
     def density_and_taken(proposed: Floats, room: Floats) -> tuple[Floats, Any]:
         """Return the log densities of particles (q, size), and whether they exceed ``room`` (q,).
 
-        The prior's log density is first subtracted from ``room``.
+        The likelihood is computed only as long as it can exceed ``room`` less the log prior
+        density.
         """
         density, theta = log_prior(proposed.T, p, prior)
         lapse, width = _slips(proposed.T, theta, prior)
@@ -90,10 +91,11 @@ def move(
 
 
 def _groups(a: Any, b: Any, alone: Any) -> list[Any]:
-    """Return the numbers of particles (m,) in groups that can move together.
+    """Return groups of particles that can move together, as lists of their numbers.
 
-    A particle's group comes after those of its a and b (m,), if they precede it. ``alone`` marks
-    the particles that need neither.
+    A particle's proposal uses two other particles, a and b (m,). If one of these comes before it,
+    it must have moved already, so it is in an earlier group. ``alone`` marks particles whose
+    proposals use no others.
     """
     level: list[int] = []
     for i, (one, other, needs_none) in enumerate(
@@ -148,7 +150,10 @@ def exchanges(x: Floats, p: int, u: list[Floats]) -> tuple[Floats, Any]:
 
 
 def log_prior(x: Floats, p: int, prior: ParticlePrior) -> tuple[Floats, Floats]:
-    """Return ``density.log_prior`` (q,) of particles x (size, q), and theta (p, q)."""
+    """Return the log prior density (q,) and theta (p, q) of particles x (size, q).
+
+    See ``density.log_prior``.
+    """
     most = x[:p].max(axis=0)
     theta = exp_of_minus(np.minimum(most - x[:p], FARTHEST))
     total = in_order(theta)
@@ -177,7 +182,7 @@ def log_prior(x: Floats, p: int, prior: ParticlePrior) -> tuple[Floats, Floats]:
 
 
 def _among_kinds(x: Floats, log_c: Floats, general: Floats, prior: ParticlePrior) -> Floats:
-    """Return ``density.among_kinds`` (q,) of particles x (size, q)."""
+    """Return the log density (q,) of ``density.among_kinds`` for particles x (size, q)."""
     p, best, terms = prior.kinds.shape[1] - 5, general, []
     for constant, mean, sd, a, b, *shapes in prior.kinds.tolist():
         at, z = np.full(len(log_c), constant), (log_c - mean) / sd
@@ -195,7 +200,7 @@ def _among_kinds(x: Floats, log_c: Floats, general: Floats, prior: ParticlePrior
 
 
 def _slips(x: Floats, theta: Floats, prior: ParticlePrior) -> tuple[Floats, Floats]:
-    """Return the lapses (q,) and the widths (q,) of ``density.slips``."""
+    """Return the lapses (q,) and the widths of EQUAL (q,) of particles, as ``density.slips``."""
     lapse, width = np.full(x.shape[1], prior.lapse), np.zeros(x.shape[1])
     if prior.lapse < 0.0:
         lapse = LEAST_LAPSE + (1.0 - LEAST_LAPSE) * logistic(x[len(theta)])
@@ -206,7 +211,7 @@ def _slips(x: Floats, theta: Floats, prior: ParticlePrior) -> tuple[Floats, Floa
 
 
 def log_logistic(u: Floats, a: float, b: float) -> Floats:
-    """Return ``density.log_logistic`` (q,) of logits u (q,)."""
+    """Return the log density (q,) of the logits u (q,) of a Beta(a, b) variate."""
     less = exp_of_minus(np.minimum(np.abs(u), FARTHEST))
     found: Floats = (
         a * np.minimum(u, 0.0)
@@ -217,13 +222,13 @@ def log_logistic(u: Floats, a: float, b: float) -> Floats:
 
 
 def logistic(u: Floats) -> Floats:
-    """Return ``density.logistic`` (q,) of logits u (q,)."""
+    """Return 1 / (1 + exp(-u)) of logits u (q,), as ``density.logistic``."""
     less = exp_of_minus(np.minimum(np.abs(u), FARTHEST))
     return np.asarray(np.where(u >= 0.0, 1.0, less) / (1.0 + less))
 
 
 def odds(u: Floats) -> Floats:
-    """Return ``density.odds`` (q,) of log odds u (q,)."""
+    """Return the odds (q,) of log odds u (q,), as ``density.odds``."""
     less = exp_of_minus(np.minimum(np.abs(u), FARTHEST))
     return np.asarray(np.where(u >= 0.0, 1.0 / less, less))
 
@@ -238,7 +243,7 @@ def powered(
     width: Floats,
     least: Floats,
 ) -> Floats:
-    """Return ``density.powered`` (q,) of theta (p, q)."""
+    """Return the log-likelihood (q,) of n answers for theta (p, q), as ``density.powered``."""
     if last == 1.0:
         return _log_likelihood(theta, rows, tied, 0, n, lapse, width, least)
     found = last * _log_likelihood(
@@ -257,7 +262,7 @@ def _log_likelihood(
     width: Floats,
     least: Floats,
 ) -> Floats:
-    """Return ``density.log_likelihood`` (q,) of theta (p, q)."""
+    """Return the log-likelihood (q,) of theta (p, q), as ``density.log_likelihood``."""
     p, total, low = len(theta), np.zeros(theta.shape[1]), np.zeros(theta.shape[1], dtype=np.bool_)
     for start in range(first, end, BLOCK):
         some = slice(start, min(end, start + BLOCK))
@@ -274,7 +279,10 @@ def _log_likelihood(
 
 
 def _log_terms(eta: Floats, tied: Any, lapse: Floats, width: Floats) -> Floats:
-    """Return ``density.log_terms`` of a block's eta (n, q), or ``log_terms_apart`` with widths."""
+    """Return the sums of ``log_term`` over a block of answers with logits eta (n, q).
+
+    The result is that of ``density.log_terms``, or with widths of ``log_terms_apart``.
+    """
     apart, sure, ties = bool(width[:1] > 0.0), 1.0 - lapse, tied[:, None]
     u = np.where(ties, width - np.abs(eta), eta - width) if apart else eta
     below = exp_of_minus(np.minimum(np.abs(u), FARTHEST))
@@ -298,7 +306,10 @@ def _log_terms(eta: Floats, tied: Any, lapse: Floats, width: Floats) -> Floats:
 
 
 def _log_quotient(top: Floats, below: Floats, low: float) -> Floats:
-    """Return ``density.log_quotient`` of (n, q), n at most BLOCK."""
+    """Return the logs (q,) of products of quotients (n, q), as ``density.log_quotient``.
+
+    n is at most BLOCK.
+    """
     above, under = np.ones((2, BLOCK, top.shape[1]))
     above[: len(top)], under[: len(top)] = top, below + 1.0
     for half in (BLOCK // 2, BLOCK // 4, BLOCK // 8):
@@ -318,7 +329,7 @@ def _log_quotient(top: Floats, below: Floats, low: float) -> Floats:
 
 
 def unit(h: Any) -> Floats:
-    """Return ``mcmc.unit`` of hashes (m,)."""
+    """Return hashes (m,) as numbers strictly between 0 and 1, as ``mcmc.unit``."""
     return np.asarray(((h >> np.uint64(11)).astype(np.float64) + 0.5) * 2.0**-53)
 
 
@@ -331,7 +342,7 @@ def in_order(terms: Floats) -> Floats:
 
 
 def elementwise(function: Callable[[float], float], numbers: Floats) -> Floats:
-    """Return a function of ``math`` of each of the numbers (q,).
+    """Return a function of ``math``, applied to each of the numbers (q,).
 
     NumPy's own functions differ from those of ``math`` in their last bits.
     """

@@ -1,7 +1,7 @@
-"""A posterior over scales with one open step of the order, for tutors who may err.
+"""A posterior over scales if the order of two neighbouring levels is open, for tutors who may err.
 
-It holds a posterior for each of the two orders. A priori both orders are equally likely. The
-answers make the order likelier whose posterior predicted them better.
+It consists of a posterior for each of the two orders. A priori both orders are equally likely. The
+answers make that order likelier whose posterior predicted them better.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _LEAST = 1e-12  # a smaller predictive probability of an answer counts as this
 
 
 class _OrderPosterior(NamedTuple):
-    """One order, and the posterior if it is the true one."""
+    """One of the two orders, and the posterior over scales if it is the true order."""
 
     order: Order
     scales: PosteriorComparator
@@ -123,12 +123,12 @@ class OpenOrderPosterior:
 
     @property
     def order_probabilities(self) -> Floats:
-        """The probabilities (2,) of the given order, and of the two levels exchanged."""
+        """The probabilities (2,) of the given order, and of that with both levels exchanged."""
         weights = np.exp(self._log_weights - self._log_weights.max())
         return np.asarray(weights / weights.sum())
 
     def update(self, answers: Answers) -> OpenOrderPosterior:
-        """Return the comparator that also knows these answers, learned in the given order.
+        """Return a comparator that also knows these answers, learned in the given order.
 
         Raises
         ------
@@ -160,7 +160,7 @@ class OpenOrderPosterior:
     def _with(
         self, answers: Answers, parts: tuple[_OrderPosterior, ...], log_weights: Floats
     ) -> OpenOrderPosterior:
-        """Return a comparator of the same settings that knows these answers."""
+        """Return a comparator with these answers, posteriors and weights, and the same settings."""
         new = object.__new__(OpenOrderPosterior)
         for name in ("k", "unordered", "level", "tie", "particles", "_blank"):
             setattr(new, name, getattr(self, name))
@@ -169,9 +169,9 @@ class OpenOrderPosterior:
 
     @cached_property
     def draws(self) -> Draws:
-        """Weighted scales from the posterior over both orders.
+        """Weighted draws of scales from the posterior over both orders.
 
-        The gap between the two levels is negative in one order.
+        In one order, the gap between the two levels is negative.
         """
         parts = [(order, Draws(*scales.draws)) for order, scales in self._parts]
         return together(parts, self.order_probabilities)
@@ -181,7 +181,7 @@ class OpenOrderPosterior:
     def values(self) -> Floats:
         """The posterior mean (k,) of the scale, least 0 and greatest 1. Read-only.
 
-        It need not rise from level to level.
+        The two levels may be in either order.
         """
         return mean_scale(
             [(order, scales.values) for order, scales in self._parts], self.order_probabilities
@@ -195,7 +195,10 @@ class OpenOrderPosterior:
 
     @property
     def rule(self) -> Rule:
-        """The draws as plain arrays. Dominance, which depends on the order, decides nothing."""
+        """The draws as plain arrays for compiled loops. Dominance decides nothing in them.
+
+        Dominance depends on the order of the levels, which is open.
+        """
         return weighted(self.draws.gaps, self.draws.weights, self.level)._replace(dominance=False)
 
     def compare(self, d: ArrayLike) -> Verdicts:
@@ -241,7 +244,7 @@ class OpenOrderPosterior:
 
 
 def _log_chance(scales: PosteriorComparator, d: Floats, y: int) -> float:
-    """Return the log-probability that a posterior gives to an answer y about d (k,).
+    """Return the log of the probability that a posterior gives to an answer y about d (k,).
 
     EQUAL counts as half an answer each way.
     """

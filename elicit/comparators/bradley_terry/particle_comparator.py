@@ -1,10 +1,10 @@
 """The Bayesian comparator for a noisy tutor: particles over scales and the tutor's precision.
 
-The likelihood is eq. (6) with a lapse: P(the answer is "left is better") = lapse/2 + (1 - lapse)
-sigma(c d.e). The prior knows the order of the levels, and is wide enough for scales with a few
-large gaps. The precision c and the lapse are learned unless they are given. From the first EQUAL on
-the tutor is modelled as calling equal what is close (Rao and Kupper 1967; see ``density``), and the
-width is learned too.
+The likelihood is the paper's eq. (6) with a lapse: P(the answer is "left is better") = lapse/2 + (1
+- lapse) sigma(c d.e). The prior knows the order of the levels, and is wide enough for scales with a
+few large gaps. The precision c and the lapse are learned unless they are given. From the first
+EQUAL on, the tutor is modelled as calling equal what is closer than some width (Rao and Kupper
+1967; see ``density``). The width is learned too.
 
 A comparison is decided if one sign has posterior probability ``level``. Of the comparisons decided
 in this way at most 1 - level are wrong, on average over the prior, whichever questions were asked.
@@ -71,7 +71,7 @@ from elicit.model.scale import Floats, dot, order_bounds, values_of
 WORN = 0.02  # below this effective size, a share of the particles, a warning is raised
 _FAR = 1e12  # tail sums are clipped to it for the likelihood
 _SHAPES = (1e-9, 1e9)
-"""Range of the prior's shapes: beyond, logarithms of gaps overflow or all gaps are equal."""
+"""Range of the prior's shapes. Beyond it logarithms of gaps overflow, or all gaps are equal."""
 PARTICLES = 1000
 """Default number of particles."""
 
@@ -90,11 +90,11 @@ class ParticleOptions(TypedDict, total=False):
         the two of ``CONCENTRATION``, each divided by k - 1. (1, 1) is uniform, and overconfident on
         scales with a few large gaps.
     raters : bool
-        True if several people answer about one scale, whose precision, lapse and width of EQUAL may
-        differ. ``Answers.who`` names the person of each answer. Then each person's parameters are
-        learned, and answers of a careless one count less: ``reliability`` says how reliable each
-        is. False, the default: all answers are taken as one person's. Until a second name comes up,
-        both are the same.
+        True if several people answer about one scale, and may differ in precision, lapse and width
+        of EQUAL. ``Answers.who`` names the person of each answer. Then each person's parameters are
+        learned, and answers of a careless person count less: ``reliability`` says how reliable each
+        is. False, the default: all answers are taken as one person's. The two settings give the
+        same results until a second name comes up.
     """
 
     particles: int
@@ -103,50 +103,50 @@ class ParticleOptions(TypedDict, total=False):
 
 
 class Degenerate(RuntimeWarning):
-    """Warning that too few particles carry the weight for probabilities to be trusted."""
+    """Warning that only a few particles carry the weight, so that probabilities are unreliable."""
 
 
 class PosteriorComparator:
     """Decides a difference if one sign of d.e has posterior probability ``level``.
 
     The comparator is a frozen value, and a function of (answers in the given order, seed, settings)
-    alone. n updates of one answer equal one update of n. ``elicit.Comparator`` says what its
-    methods take and return.
+    alone. Learning answers one by one or all at once gives the same. ``elicit.Comparator`` says
+    what its methods take and return.
 
     Parameters
     ----------
     k : int
         Number of levels.
     precision : float, optional
-        The c of eq. (6), in logits per unit of d.e. None: learned, with log c ~ N(log 30, 2.5^2) a
-        priori.
+        The c of the paper's eq. (6), in logits per unit of d.e. None: learned, with log c ~ N(log
+        30, 2.5^2) a priori.
     lapse : float, optional
         Share of answers given at random. A tutor who flips a tenth of all answers lapses in a
-        fifth. None: learned, with Beta(1, 4) a priori.
+        fifth, because half of the random answers are right. None: learned, with Beta(1, 4) a
+        priori.
     tie : float
-        Median a priori of the width of EQUAL, the |d.e| up to which the tutor calls two things
+        Median a priori of the width of EQUAL: the |d.e| up to which the tutor calls two things
         equal. It is a share of the value range e_k - e_1, in 0 <= tie < 1. Here d is a difference
-        of share vectors, used as it is given. The tutor's own width is learned, because nobody
-        knows their own: its logarithm is logistic with scale 1. So the width is with 95%
-        probability between 1/39 and 39 times the ``tie``. A tutor who has called nothing equal is
-        taken as sharp. So until the first EQUAL nothing depends on ``tie``. Then all answers are
+        of share vectors, used as it is given. The true width is learned, because people do not know
+        their own. A priori its logarithm is logistic with scale 1, so the width is with 95%
+        probability between 1/39 and 39 times ``tie``. Nothing depends on ``tie`` until the first
+        EQUAL, because a tutor who has called nothing equal is taken as sharp. Then all answers are
         learned afresh. 0: EQUAL means equal, and counts as half an answer each way.
     level : float
         Posterior probability that a verdict needs, in (1/2, 1).
     prior : optional
         Inequalities that hold for certain: (A, b) with A e >= b, texts such as "e4 >= 2*e2", or
         linear cvxpy constraints over ``elicit.scale_variable(k)``. For texts that use the levels'
-        own names
-        see ``elicit.inequalities(texts, labels=...)``.
+        own names see ``elicit.inequalities(texts, labels=...)``.
     seed : int, SeedSequence, Generator or None
         Kept as an int. None draws a new one.
     like : logs of earlier people, optional
-        One ``AnswerLog`` or ``Answers`` for each person, in a list or in a dict by name. Scales,
-        precisions and lapses that were common among them are then likelier a priori. The general
-        prior keeps the weight of four people, because the next person may be like none of them.
-        Learning it takes several times as long as learning all their answers. The ``like`` of
-        another comparator of this k is taken as it is. It depends neither on the order and the
-        names of the people nor on the seed.
+        An ``AnswerLog`` or ``Answers`` of each earlier person, in a list or in a dict by name.
+        Scales, precisions and lapses that were common among them are then likelier a priori. The
+        general prior keeps the weight of four people, because the next person may be like none of
+        them. Learning this takes several times as long as learning all their answers. You may also
+        give the ``like`` of another comparator of the same k. The order and the names of the people
+        do not matter, nor does the seed.
     **options
         ``particles``, ``shape`` and ``raters``: see ``ParticleOptions``.
 
@@ -160,7 +160,7 @@ class PosteriorComparator:
     ValueError
         If a setting is out of range, or a log is about another number of levels.
     TypeError
-        For an unknown keyword, or if ``like`` is not one log for each person.
+        For an unknown keyword, or if ``like`` is not a log for each person.
     """
 
     def __init__(
@@ -225,7 +225,7 @@ class PosteriorComparator:
         )
 
     def _like(self, people: Logs | EarlierPeople) -> None:
-        """Take over, or learn, the prior from earlier people, and start from it."""
+        """Learn the prior from earlier people, or take over a learned one, and start from it."""
         if isinstance(people, EarlierPeople):
             found, known = people, [len(kind.shapes) + 1 for kind in people.kinds]
             if known[0] != self.k:
@@ -257,8 +257,8 @@ class PosteriorComparator:
     def _own_particles(self, number: tuple[int, int], answers: Answers) -> OwnParticles:
         """Return an earlier person's posterior from their answers, under the general prior.
 
-        The particles depend on ``number``, that of the fit and of the person, but not on the
-        comparator's seed: what earlier people tell must not.
+        ``number``, which stands for the fit and the person, seeds the particles. The comparator's
+        seed does not, so that comparators of all seeds learn the same prior.
         """
         own = copy.copy(self)
         own._key = np.uint64(fold(np.uint64(_PEOPLE), *number))
@@ -270,7 +270,7 @@ class PosteriorComparator:
         return OwnParticles(x - log_c[:, None], log_c, lapse, own._gaps_and_weights[1])
 
     def _general(self, at: OwnParticles) -> Floats:
-        """Return the log density (n,) of the prior without earlier people.
+        """Return the log density (n,) of the general prior, the one without earlier people.
 
         The constant of a standard normal is left out. The coordinates are the logs of gaps, log c,
         and the logit of a learned lapse.
@@ -285,14 +285,14 @@ class PosteriorComparator:
         return np.asarray(found)
 
     def _forget(self) -> None:
-        """Reset to the prior."""
+        """Reset the comparator to its prior."""
         self.answers = Answers.none(self.k)
         self._rows, self._tied = np.zeros((self.k - 1, 0)), np.zeros(0, dtype=np.bool_)
         self._start(0.0)
         self._several: Several | None = None
 
     def _start(self, tie: float) -> None:
-        """Draw particles from the prior, with median width of EQUAL ``tie``."""
+        """Draw particles from the prior, with ``tie`` as the median width of EQUAL."""
         self._prior = self._prior._replace(tie=tie)
         self._begin(self._first_particles(self._prior))
         self._theta, self._slips = (
@@ -302,7 +302,7 @@ class PosteriorComparator:
         thetas(self._x, self._prior, self._theta, self._slips)
 
     def _begin(self, x: Floats) -> None:
-        """Set the particles, which have learned nothing."""
+        """Set x as the particles of a comparator that has learned no answer."""
         self.proposed = self.accepted = 0
         self._x, self._logs = x, np.zeros(self.particles)
         self._noise = np.full(1, 1.0 / self.particles)
@@ -346,7 +346,7 @@ class PosteriorComparator:
         return new
 
     def _learn(self, rows: Iterable[int]) -> None:
-        """Learn from these rows, one by one."""
+        """Learn the answers with these row numbers, one by one."""
         state = ParticleArrays(
             self._x, self._theta, self._slips, self._logs, self._noise, self._rows, self._tied
         )
@@ -356,7 +356,7 @@ class PosteriorComparator:
             self.proposed, self.accepted = self.proposed + proposed, self.accepted + accepted
 
     def _learn_of_several(self, last: int) -> None:
-        """Learn row ``last``, an answer of one of several raters.
+        """Learn the answer in row ``last``, which is from one of several raters.
 
         All answers are learned afresh once there are two raters, and at the first EQUAL of each.
         """
@@ -385,7 +385,7 @@ class PosteriorComparator:
 
     @property
     def _tutors(self) -> dict[str | None, tuple[Floats, Floats, Floats]]:
-        """The precision, lapse and width of each person who answers, by name, in each particle."""
+        """The precision, lapse and width of EQUAL, in each particle, of each person by name."""
         precision, known = self.draws.precision, self._several
         if known is None:
             names = set(self.answers.who)
@@ -404,9 +404,9 @@ class PosteriorComparator:
         Returns
         -------
         dict of str to Reliability
-            With ``raters=True`` one for each person who has answered. Otherwise, and as long as
-            there is one person, a single one. Its name is None if answers name nobody, or if the
-            answers of several people are taken as one person's.
+            With ``raters=True`` an entry for each person who has answered. Otherwise, and as long
+            as there is one person, a single entry. Its name is None if answers name nobody, or if
+            several people's answers are taken as one person's.
         """
         weights, who = self._gaps_and_weights[1], self.answers.who
         tutors = self._tutors
@@ -444,19 +444,19 @@ class PosteriorComparator:
 
     @property
     def answers_to_next_step(self) -> int:
-        """Number of further answers until verdicts may change: each answer moves the weights."""
+        """Number of further answers until verdicts may change: 1, since each changes weights."""
         return 1
 
     def compare(self, d: ArrayLike) -> Verdicts:
         """Return verdicts (n,) on differences (n, k).
 
-        Dominance comes first, then the sign that has probability ``level``.
+        Dominance decides first, then the sign that has probability ``level``.
         """
         return decide_by_rule(self.rule, as_differences(d, self.k)).verdicts
 
     @property
     def rule(self) -> Rule:
-        """The particles as plain arrays."""
+        """The particles as plain arrays for compiled loops."""
         return weighted(*self._gaps_and_weights, self.level)
 
     def probability(self, d: ArrayLike) -> Floats:
@@ -478,23 +478,23 @@ class PosteriorComparator:
     def answer_probability(self, d: ArrayLike, who: str | None = None) -> Floats:
         """Return the probability that the tutor's next answer is "left is better".
 
-        It is the mean of this answer's probability over the posterior of the precision, the lapse
-        and the width of EQUAL. ``probability`` says how surely left *is* better, which may be near
-        1 although the tutor often errs.
+        It is averaged over the posterior of scale, precision, lapse and width of EQUAL. In
+        contrast, ``probability`` is the probability that left *is* better. That may be near 1
+        although the tutor often errs.
 
         Parameters
         ----------
         d : (n, k)
             Differences left - right.
         who : str, optional
-            The one of several raters who is asked. None: any of them, each with the same
+            The person asked, if there are several raters. None: any of them, with equal
             probability.
 
         Returns
         -------
         (n,) probabilities
             That of "right is better" is ``answer_probability(-d)``. The two total 1 until the tutor
-            calls something EQUAL. From then on they leave room for its probability.
+            calls something EQUAL. From then on the rest is the probability of "equal".
 
         Raises
         ------
@@ -523,7 +523,7 @@ class PosteriorComparator:
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """Return two quantiles (n,) of d.e for differences (n, k): 1 - ``level`` and ``level``.
 
-        The verdict is BETTER if the first is above 0.
+        If the first is above 0, the verdict is BETTER.
         """
         gaps, weights = self._gaps_and_weights
         t = tail_sums(as_differences(d, self.k))
@@ -566,7 +566,7 @@ class PosteriorComparator:
     def precision(self) -> float:
         """The precision c: as given, or exp of the posterior mean of log c.
 
-        Of several raters it is the one that they have in common.
+        With several raters it is the common precision, around which theirs vary.
         """
         if self.given_precision is not None:
             return self.given_precision
@@ -576,7 +576,7 @@ class PosteriorComparator:
     def lapse(self) -> float:
         """The share of answers given at random: as given, or its posterior mean.
 
-        Of several raters it is their mean.
+        With several raters it is the mean over them.
         """
         if self.given_lapse is not None:
             return self.given_lapse
@@ -585,9 +585,9 @@ class PosteriorComparator:
 
     @property
     def lapses(self) -> Floats:
-        """The share of answers given at random in each of ``draws``, (m,).
+        """The share of answers given at random, (m,), in each of the m ``draws``.
 
-        Of several raters it is their mean.
+        With several raters it is the mean over them.
         """
         tutors = self._tutors.values()
         spread = [np.broadcast_to(own[1], self.particles) for own in tutors]
@@ -611,25 +611,29 @@ class PosteriorComparator:
     def effective_size(self) -> float:
         """Approximate number of independent draws of the posterior that the particles are worth.
 
-        Weights count by Kong's (1992) formula. Copies made by resampling count by how much they
-        remember after the moves. This is the greatest squared correlation, before and after, of a
-        level's value or of log c. The number is an estimate. Measured by how much probabilities
-        vary with the seed, the truth is between a third and three times as much.
+        Two things lower it: unequal weights, by Kong's (1992) formula, and copies made by
+        resampling. Copies count by how much the moves after it have left unchanged: the greatest
+        squared correlation, before and after, of a level's value or of log c. Measured by how much
+        probabilities vary with the seed, the true number is between a third of this estimate and
+        three times as much.
         """
         return 1.0 / float(self._noise[0] + 1.0 / effective_size(self._logs) - 1.0 / self.particles)
 
     @property
     def acceptance(self) -> float:
-        """The share of the particles' proposed moves that were accepted; nan before the first."""
+        """The share of proposed moves of particles that were accepted; nan before the first."""
         return self.accepted / self.proposed if self.proposed else math.nan
 
     @cached_property
     def _gaps_and_weights(self) -> tuple[Floats, Floats]:
-        """Gaps (p, m) and weights (m,) of total 1."""
+        """The gaps (p, m) of the particles, and their weights (m,), of total 1."""
         weights = np.exp(self._logs - self._logs.max())
         return self._theta / self._theta.sum(axis=0), weights / weights.sum()
 
     def _first_particles(self, prior: ParticlePrior) -> Floats:
-        """Return x (m, p) from a prior, with columns for a learned lapse and a learned width."""
+        """Return particles drawn from a prior, (m, >= p).
+
+        A learned lapse and a learned width of EQUAL have a further column each.
+        """
         key, m = int(self._key), self.particles
         return first_particles(key, m, self.shape, prior, self.prior, self.like)

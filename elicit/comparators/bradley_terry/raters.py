@@ -1,17 +1,17 @@
 """Several raters of one scale, each with their own precision, lapse and width of EQUAL.
 
-A particle is a scale and, for each rater, three numbers. Its first p coordinates are those of
-``smc``: the logs of the gaps times a precision c, which the raters have in common. For each rater
-follow log f, where f c is the rater's own precision, the logit of their lapse, and the logarithm
-of the ratio of their width to the median width.
+A particle is a scale and three numbers for each rater. Its first p coordinates are the logs of the
+gaps times a common precision c, as in ``smc``. Then come the three of each rater: log f, where f c
+is the rater's own precision; the logit of their lapse; and the logarithm of the ratio of their
+width to the median width.
 
-A priori log f ~ N(0, SPREAD^2), and the variance of log c is less by SPREAD^2. So each rater alone
-has the prior of a single person, and answers of one say what to expect of the others (partial
-pooling). Lapses are independent. Given the scale, so are answers.
+A priori log f ~ N(0, SPREAD^2), and the variance of log c is smaller by SPREAD^2. So each rater
+alone has the same prior as a single person, and the answers of some raters tell what to expect of
+others (partial pooling). Lapses are independent. Given the scale, so are answers.
 
-Particles are reweighted and resampled as in ``smc``. Moves are Metropolis steps along differences
-of two particles of the other half (ter Braak 2006), so that half of the particles move at once. A
-step changes the scale, all coordinates, or those of one rater. In the last case only this rater's
+Particles are reweighted and resampled as in ``smc``. They move by Metropolis steps along the
+difference of two particles of the other half (ter Braak 2006), so that one half moves at once. A
+step changes the scale, all coordinates, or those of one rater. In the last case only that rater's
 answers are looked at. Until the likelihood is compiled, NumPy computes it, with identical results.
 """
 
@@ -61,7 +61,7 @@ from elicit.comparators.bradley_terry.smc import (
 from elicit.model.scale import Floats
 
 SPREAD = 1.74
-"""Standard deviation among raters of the log of the precision, a priori: that of the people of
+"""Standard deviation a priori of the log of the precision among raters. It is that of the people of
 public experiments (``elicit.tutors.person``)."""
 
 OWN = 3  # coordinates of a rater
@@ -85,9 +85,10 @@ class RaterArrays(NamedTuple):
     tied : (n,)
         Flags of the answers that are EQUAL.
     by : (n,)
-        The number of the rater who gave each.
+        The number of the rater who gave each answer.
     wide : (r,)
-        Flags of the raters who may call equal two things that are close.
+        Flags of the raters who have a width of EQUAL: they may call equal two things that are
+        close.
     """
 
     x: Floats
@@ -101,7 +102,7 @@ class RaterArrays(NamedTuple):
 
 @dataclass(frozen=True)
 class Reliability:
-    """Reliability of one rater. Each number has an interval.
+    """The reliability of one rater: three numbers, each with an interval.
 
     Attributes
     ----------
@@ -142,7 +143,7 @@ NEAR = 0.1  # difference in value, a share of the range, for ``Reliability.right
 
 
 def learn(state: RaterArrays, n: int, prior: ParticlePrior, key: Any) -> tuple[int, int]:
-    """Reweight particles by row n - 1 of the answers, and move them if few have weight.
+    """Reweight particles by the last of n answers, and move them if few have weight.
 
     The arrays of ``state`` are changed. Return the numbers of moves proposed and accepted.
     """
@@ -174,14 +175,14 @@ def learn(state: RaterArrays, n: int, prior: ParticlePrior, key: Any) -> tuple[i
 
 
 class Several(NamedTuple):
-    """Raters by their numbers: their names, and flags of those who may call equal what is close."""
+    """The raters by number: their names, and whether each has a width of EQUAL."""
 
     names: tuple[str | None, ...]
     wide: tuple[bool, ...]
 
 
 class _OneRater(NamedTuple):
-    """Answers of one rater. The likelihood of the last answer is raised to the power ``last``."""
+    """The answers of one rater. The last answer's likelihood is raised to the power ``last``."""
 
     rows: Floats
     tied: NDArray[np.bool_]
@@ -193,8 +194,8 @@ def move(
 ) -> tuple[int, int]:
     """Propose moves for each particle, ``turns`` times over, in place.
 
-    The moves leave the posterior of the first n answers invariant, with the last one's likelihood
-    to the power ``last``. Return the numbers of moves proposed and accepted.
+    The moves leave the posterior of the first n answers invariant. In it the last answer's
+    likelihood is raised to the power ``last``. Return the numbers of moves proposed and accepted.
     """
     x, p, m = state.x, len(state.rows), len(state.x)
     told = []
@@ -243,7 +244,7 @@ def move(
 
 
 def _two_of(others: NDArray[np.int64], u: Floats, v: Floats) -> tuple[Any, Any]:
-    """Return two different entries of ``others`` for each u (q,) and v (q,)."""
+    """Return two different entries of ``others`` for each pair of uniform numbers u, v (q,)."""
     first = (u * len(others)).astype(np.int64)
     second = (v * (len(others) - 1)).astype(np.int64)
     second += second >= first
@@ -251,7 +252,10 @@ def _two_of(others: NDArray[np.int64], u: Floats, v: Floats) -> tuple[Any, Any]:
 
 
 def _proposal(x: Floats, a: Floats, b: Floats, p: int, part: int, u: list[Floats]) -> Floats:
-    """Return a proposal for each particle x (q, size), along the difference of others, a and b."""
+    """Return a proposal for each particle x (q, size): a step along the difference of a and b.
+
+    The particles a and b (q, size) are of the other half. ``part`` says which coordinates change.
+    """
     proposal, size = x.copy(), x.shape[1]
     if part == _SCALE:
         proposal[:, :p] = steps(x[:, :p], a[:, :p], b[:, :p], p, u)[0]
@@ -275,20 +279,20 @@ def _proposal(x: Floats, a: Floats, b: Floats, p: int, part: int, u: list[Floats
 
 
 def of_several(prior: ParticlePrior, tie: float) -> ParticlePrior:
-    """Return the prior of a single person as that of several people.
+    """Return a single person's prior changed into that of several people.
 
-    The median of their widths of EQUAL is ``tie`` a priori.
+    The median of their widths of EQUAL is ``tie``.
     """
     return prior._replace(sd=math.sqrt(prior.sd**2 - SPREAD**2), tie=tie)
 
 
 def of_the_scale(prior: ParticlePrior) -> ParticlePrior:
-    """Return the prior of the scale and the common precision."""
+    """Return the part of a prior that is about the scale and the common precision."""
     return prior._replace(lapse=max(0.0, prior.lapse), tie=0.0)
 
 
 def newcomer(prior: ParticlePrior, m: int, seed: int) -> Floats:
-    """Return a rater's coordinates (m, 3), drawn from the prior."""
+    """Draw a rater's three coordinates from the prior, (m, 3) for m particles."""
     rng = np.random.Generator(np.random.Philox(seed))
     factor, lapse, width = ((rng.permutation(m) + rng.random(m)) / m for _ in range(OWN))
     lapses = betaincinv(prior.lapse_a, prior.lapse_b, lapse)
@@ -298,9 +302,10 @@ def newcomer(prior: ParticlePrior, m: int, seed: int) -> Floats:
 
 
 def _of_scale(x: Floats, prior: ParticlePrior) -> tuple[Floats, Floats]:
-    """Return the log prior density (q,) of scales and common precisions, up to a constant.
+    """Return the log prior density (q,) of the particles' scales and common precisions.
 
-    They are those of particles x (q, p + 3 r). Also return gaps times common precision (p, q).
+    It is up to a constant. The particles are x (q, p + 3 r). The second result is theta (p, q), the
+    gaps times the common precision.
     """
     p = prior.above.shape[1]
     theta = np.empty((p, len(x)))
@@ -308,7 +313,7 @@ def _of_scale(x: Floats, prior: ParticlePrior) -> tuple[Floats, Floats]:
 
 
 def _of_rater(x: Floats, number: int, prior: ParticlePrior) -> Floats:
-    """Return the log prior density (q,) of a rater's coordinates, up to a constant."""
+    """Return the log prior density (q,) of one rater's coordinates, up to a constant."""
     first = prior.above.shape[1] + OWN * number
     own = np.ascontiguousarray(x[:, first : first + OWN])
     return np.asarray(log_priors_of_raters(own, prior.lapse_a, prior.lapse_b))
@@ -317,7 +322,7 @@ def _of_rater(x: Floats, number: int, prior: ParticlePrior) -> Floats:
 def parameters(
     x: Floats, common: Floats, number: int, wide: bool, prior: ParticlePrior
 ) -> tuple[Floats, Floats, Floats]:
-    """Return a rater's factor f, lapse, and width in logits, each (q,).
+    """Return one rater's factor f, lapse, and width of EQUAL in logits, (q,) each.
 
     Parameters
     ----------
@@ -329,7 +334,7 @@ def parameters(
     wide : bool
         True if the rater may call equal two things that are close.
     prior : ParticlePrior
-        The one of ``of_several``. A known precision or lapse is that of every rater.
+        The prior made by ``of_several``. A precision or lapse known in it is that of every rater.
     """
     p = prior.above.shape[1]
     first = p + OWN * number
@@ -347,7 +352,7 @@ def parameters(
 def _terms(
     x: Floats, theta: Floats, number: int, told: _OneRater, wide: bool, prior: ParticlePrior
 ) -> Floats:
-    """Return the log-likelihood (q,) of a rater's answers."""
+    """Return the log-likelihood (q,) of one rater's answers ``told``, for particles x."""
     n = told.rows.shape[1]
     if n == 0 or not len(x):
         return np.zeros(len(x))
@@ -363,9 +368,9 @@ def _terms(
 def reliability_of(
     precision: Floats, lapse: Floats, weights: Floats, answers: int, level: float
 ) -> Reliability:
-    """Return the reliability of a rater with these weighted precisions and lapses, each (q,).
+    """Return a rater's reliability from weighted draws (q,) of their precision and lapse.
 
-    Intervals go from the (1 - level) to the level quantile.
+    Each interval reaches from the (1 - level) quantile to the level quantile.
     """
     right = lapse / 2.0 + (1.0 - lapse) * expit(NEAR * precision)
     middle = np.exp(product(np.log(np.maximum(precision, _LEAST)), weights))
@@ -381,7 +386,7 @@ def reliability_of(
 
 
 def _interval(numbers: Floats, weights: Floats, level: float) -> tuple[float, float]:
-    """Return the (1 - level) and the level quantile of weighted numbers."""
+    """Return the (1 - level) quantile and the level quantile of weighted numbers."""
     order = np.argsort(numbers, kind="stable")
     below = np.cumsum(weights[order])
     low, high = np.searchsorted(below, [1.0 - level, level])
@@ -391,7 +396,7 @@ def _interval(numbers: Floats, weights: Floats, level: float) -> tuple[float, fl
 def _likelihoods_of_arrays(
     theta: Floats, rows: Floats, tied: Any, n: int, last: float, lapse: Floats, width: Floats
 ) -> Floats:
-    """Return ``log_likelihoods`` in NumPy."""
+    """Compute ``log_likelihoods`` in NumPy."""
     least = np.full(theta.shape[1], -np.inf)
     return mcmc_arrays.powered(theta, rows, tied, n, last, lapse, width, least)
 
@@ -400,7 +405,7 @@ def _likelihoods_of_arrays(
 def log_likelihoods(
     theta: Any, rows: Any, tied: Any, n: int, last: float, lapse: Any, width: Any
 ) -> Any:
-    """Return the log-likelihood (q,) of n rows (p, >= n) for each theta (p, q)."""
+    """Return the log-likelihood (q,) of n answers, rows (p, >= n), for each theta (p, q)."""
     p, q = theta.shape
     out, one, work = np.empty(q), np.empty(p), np.empty((2, BLOCK))
     for i in range(q):
@@ -411,14 +416,14 @@ def log_likelihoods(
 
 
 def _priors_of_arrays(x: Floats, prior: ParticlePrior, theta: Floats) -> Floats:
-    """Return ``log_priors`` in NumPy."""
+    """Compute ``log_priors`` in NumPy."""
     found, theta[:] = mcmc_arrays.log_prior(x.T, x.shape[1], prior)
     return found
 
 
 @compiled_beside(_priors_of_arrays)
 def log_priors(x: Any, prior: ParticlePrior, theta: Any) -> Any:
-    """Return ``density.log_prior`` (q,) of x (q, p), and write theta (p, q)."""
+    """Return the log prior density (q,) of x (q, p), and write theta into ``theta`` (p, q)."""
     q, p = x.shape
     out, one, work = np.empty(q), np.empty(p), np.empty((2, BLOCK))
     for i in range(q):
@@ -429,7 +434,7 @@ def log_priors(x: Any, prior: ParticlePrior, theta: Any) -> Any:
 
 
 def _raters_of_arrays(own: Floats, a: float, b: float) -> Floats:
-    """Return ``log_priors_of_raters`` in NumPy."""
+    """Compute ``log_priors_of_raters`` in NumPy."""
     z, lapse, width = own.T
     z = z / SPREAD
     found = mcmc_arrays.log_logistic(lapse, a, b) + mcmc_arrays.log_logistic(width, 1.0, 1.0)
@@ -438,7 +443,7 @@ def _raters_of_arrays(own: Floats, a: float, b: float) -> Floats:
 
 @compiled_beside(_raters_of_arrays)
 def log_priors_of_raters(own: Any, a: float, b: float) -> Any:
-    """Return the log density (q,) of the coordinates (q, 3) of a rater, up to a constant."""
+    """Return the log prior density (q,) of a rater's coordinates (q, 3), up to a constant."""
     out = np.empty(len(own))
     for i in range(len(own)):
         z = own[i, 0] / SPREAD

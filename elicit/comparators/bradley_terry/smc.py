@@ -1,10 +1,10 @@
-"""Particles over scales and tutors, reweighted by each answer and moved if few carry the weight.
+"""Sequential Monte Carlo over scales and tutors: answers reweight particles, then they may move.
 
-A particle is x with theta = exp(x) = c g: the logs of the p gaps times the precision. If they are
-learned, the logits of the tutor's lapse and of the width of EQUAL follow. In these coordinates the
-plausible set has no border at which moves are rejected. The method is iterated batch importance
-sampling (Chopin 2002), tempered if an answer is a surprise (Del Moral, Doucet and Jasra 2006).
-Random numbers are a hash of (key, counters).
+A particle is a vector x with theta = exp(x) = c g: the logs of the p gaps times the precision. If
+they are learned, the logit of the tutor's lapse and that of the width of EQUAL follow. In these
+coordinates the plausible set has no border at which moves are rejected. The method is iterated
+batch importance sampling (Chopin 2002), tempered if an answer is a surprise (Del Moral, Doucet and
+Jasra 2006). Random numbers are a hash of (key, counters).
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ class ParticleArrays(NamedTuple):
     theta : (p, m)
         Their gaps times precision, see ``thetas``.
     slip : (2, m)
-        Their lapses and widths.
+        Their lapses and widths of EQUAL.
     logs : (m,)
         Their log weights.
     noise : (1,)
-        The variance of a mean over equally weighted particles, in units of the posterior's.
-        Resampling adds to it. Moves reduce it, by as much as they make a particle forget.
+        The variance of a mean over equally weighted particles, in units of the posterior's
+        variance. Resampling adds to it. Moves reduce it, by as much as they make a particle forget.
     rows : (p, >= n)
         The answers.
     tied : (>= n,)
@@ -61,11 +61,10 @@ class ParticleArrays(NamedTuple):
 
 
 def without_last_bits(x: Any) -> Any:
-    """Return first particles x on a grid of 2^-20, the same on every processor.
+    """Return the first particles x rounded to multiples of 2^-20, the same on every processor.
 
-    Logarithms and quantiles differ in their last bits from processor to processor. A move adds a
-    multiple of two particles' difference to a third, which is exact; but what they differ by would
-    grow with each move, until other moves are accepted.
+    Logarithms and quantiles differ in their last bits from processor to processor. Without
+    rounding, each move would enlarge these differences, until other moves are accepted.
     """
     return np.floor(x * GRID + 0.5) / GRID
 
@@ -74,7 +73,7 @@ def without_last_bits(x: Any) -> Any:
 def thetas(x: Any, prior: ParticlePrior, out: Any, slip: Any) -> None:
     """Write theta = c g of particles x (m, >= p) into ``out`` (p, m).
 
-    Their lapses and widths are written into ``slip`` (2, m).
+    The lapses and widths of EQUAL are written into ``slip`` (2, m).
     """
     p, m = out.shape
     theta = np.empty(p)
@@ -87,7 +86,7 @@ def thetas(x: Any, prior: ParticlePrior, out: Any, slip: Any) -> None:
 
 @compiled
 def effective_size(logs: Any) -> float:
-    """Return (sum w)^2 / sum w^2 of log weights (m,)."""
+    """Return the effective size (sum w)^2 / sum w^2 of weights w, given as logs (m,)."""
     most = logs.max()
     total, squares = 0.0, 0.0
     for i in range(len(logs)):
@@ -99,7 +98,10 @@ def effective_size(logs: Any) -> float:
 
 @compiled
 def resample(weights: Any, u: float, out: Any) -> None:
-    """Write into ``out`` (m,) the particle that each new one copies, by systematic resampling."""
+    """Write into ``out`` (m,) the number of the particle that each new particle is a copy of.
+
+    The method is systematic resampling, with the uniform number u.
+    """
     m = len(weights)
     total, at, i = 0.0, 0.0, 0
     for w in weights:
@@ -114,7 +116,7 @@ def resample(weights: Any, u: float, out: Any) -> None:
 
 @compiled
 def learn(state: ParticleArrays, n: int, prior: ParticlePrior, key: Any) -> tuple[int, int]:
-    """Reweight particles by row n - 1 of the answers, and move them if few have weight.
+    """Reweight particles by the last of n answers, and move them if few have weight.
 
     The arrays of ``state`` are changed. Return the numbers of moves proposed and accepted.
     """
@@ -155,7 +157,7 @@ def learn(state: ParticleArrays, n: int, prior: ParticlePrior, key: Any) -> tupl
 
 @compiled
 def features(x: Any, p: int, fixed: float) -> Any:
-    """Return the quantities (p, m) that verdicts depend on.
+    """Return the quantities (p, m) of particles x that verdicts depend on.
 
     They are the values of levels 2 to k - 1, and log c unless the precision is ``fixed``.
     """
@@ -175,7 +177,7 @@ def features(x: Any, p: int, fixed: float) -> Any:
 
 @compiled
 def remembered(before: Any, after: Any) -> float:
-    """Return the greatest squared correlation of features (p, m) before and after some moves."""
+    """Return the greatest squared correlation of a feature (p, m) before and after some moves."""
     p, m = before.shape
     most = 0.0
     for j in range(p):
@@ -194,9 +196,10 @@ def remembered(before: Any, after: Any) -> float:
 
 @compiled
 def tempered(logs: Any, found: Any, most: float) -> float:
-    """Return the greatest power, at most ``most``, of exp(found) that keeps enough weight.
+    """Return the power, at most ``most``, to which the next likelihood may be raised.
 
-    Enough is an effective size of ``FAIR`` times the number of particles.
+    It is the greatest power that leaves an effective size of ``FAIR`` times the number of
+    particles. ``logs`` are the log weights, and ``found`` the log-likelihoods of the answer.
     """
     m = len(logs)
     trial = np.empty(m)

@@ -1,13 +1,13 @@
-"""K_t when some of the answers may be wrong: a union of polytopes, the cells.
+"""The plausible set K_t if some answers may be wrong: a union of polytopes, the *cells*.
 
-Each cell stands for a set of wrong answers. Its scales satisfy all other answers, and the opposite
-of these. With at most m wrong answers, K_t is the union of the cells that have at most m of them.
-Asking is then Ulam's game: to find something out by questions of which m may be answered wrongly
-(Pelc 2002, Theoretical Computer Science 270).
+Each cell stands for a guess at which answers are wrong. Its scales satisfy all other answers, and
+the opposite of the wrong ones. With at most m wrong answers, K_t is the union of all cells of at
+most m wrong answers. Asking is then Ulam's game: to find something out by questions of which m may
+be answered wrongly (Pelc 2002, Theoretical Computer Science 270).
 
-Cells overlap in their faces only. An answer divides a cell if it cuts through it. If an answer
-follows from a cell, its opposite contradicts the cell, which stays as it is. So most of the
-possible cells are empty, and these are never made.
+Cells overlap only in their faces. A new answer splits a cell if it is true of some of its scales
+and false of others. If it is true of all of them, the cell stays as it is, and the answer cannot be
+wrong in it. So most of the possible cells are empty, and these are never made.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ _OVERLAP = 1e-12
 
 
 class PolytopeCell(NamedTuple):
-    """A cell.
+    """One cell: the scales that fit the answers if those in ``wrong`` are wrong.
 
-    ``scales`` is the comparator that knows the answers that cut the cell, the wrong ones flipped.
-    ``wrong`` holds the rows of the wrong answers.
+    ``scales`` is a comparator that has learned the answers that split the cell, the wrong ones
+    flipped. ``wrong`` holds the rows of the wrong answers.
     """
 
     scales: PolytopeComparator
@@ -47,9 +47,9 @@ class PolytopeCell(NamedTuple):
 
 
 class Cells:
-    """The cells that have at most ``most`` wrong answers, those with the fewest first.
+    """All cells of at most ``most`` wrong answers, those with the fewest first.
 
-    They never change.
+    The object never changes.
     """
 
     def __init__(self, parts: Sequence[PolytopeCell], most: int) -> None:
@@ -57,9 +57,9 @@ class Cells:
         self.most = most
 
     def update(self, answers: Answers, first: int) -> Cells:
-        """Return the cells after further answers, the first of which has the row ``first``.
+        """Return the cells after further answers, whose rows begin with ``first``.
 
-        There may be no cells.
+        There may be none: then more than ``most`` answers are wrong.
         """
         parts = self.parts
         for i in range(len(answers)):
@@ -79,7 +79,7 @@ class Cells:
     def decide_rest(self, d: Floats) -> Decisions:
         """Return verdicts (n,) and tiers (n,) of differences d (n, k).
 
-        A difference is decided if no cell disagrees.
+        A difference is decided if it has the same verdict in all cells.
         """
         verdicts, tiers = np.full(len(d), Verdict.EQUAL, np.int8), np.zeros(len(d), np.int8)
         rows = np.arange(len(d))
@@ -92,21 +92,18 @@ class Cells:
 
     @property
     def rule(self) -> Rule:
-        """The rule of the cell if there is only one.
-
-        Otherwise compiled code goes by dominance alone.
-        """
+        """The rule for compiled loops: the cell's if there is only one, else dominance alone."""
         if len(self.parts) == 1:
             return self.parts[0].scales.rule
         return nothing() if all(part.scales.rule.dominance for part in self.parts) else unaided()
 
     def bounds(self, d: Floats) -> tuple[Floats, Floats]:
-        """Return outer bounds (n,) on d.e for valid differences d (n, k)."""
+        """Return bounds lo (n,), hi (n,) on d.e over all cells, for differences d (n, k)."""
         each = np.array([part.scales.bounds(d) for part in self.parts])
         return each[:, 0].min(axis=0), each[:, 1].max(axis=0)
 
     def greatest(self, d: Floats) -> Floats:
-        """Return upper bounds (n,) on d.e for valid differences d (n, k)."""
+        """Return upper bounds (n,) on d.e over all cells, for valid differences d (n, k)."""
         high = np.full(len(d), -np.inf)
         for part in self.parts:
             high = np.maximum(high, part.scales.simultaneous_bounds(d)[0])
@@ -114,9 +111,9 @@ class Cells:
 
     @cached_property
     def weights(self) -> Floats:
-        """Weights (c,) of the cells, 1 in total: volume times ``WRONG_ODDS`` per wrong answer.
+        """Weights (c,) of the cells, of total 1: volume times ``WRONG_ODDS`` for each wrong answer.
 
-        The volume is estimated by the scatter of draws.
+        The volume is estimated from how widely draws scatter.
         """
         if len(self.parts) == 1:
             return np.ones(1)
@@ -132,7 +129,7 @@ class Cells:
 
     @property
     def draws(self) -> Draws:
-        """The draws of all cells, weighed by ``weights``."""
+        """The draws of all cells together, with each cell's weight."""
         if len(self.parts) == 1:
             return self.parts[0].scales.draws
         gaps, weights, precision = zip(*(part.scales.draws for part in self.parts), strict=True)
@@ -142,7 +139,7 @@ class Cells:
         )
 
     def _divided(self, part: PolytopeCell, one: Answers, row: int) -> Iterator[PolytopeCell]:
-        """Yield the non-empty parts of a cell: where an answer is right, and where it is wrong."""
+        """Yield the non-empty parts of a cell: where the answer is right, and where it is wrong."""
         scales, y = part.scales, int(one.y[0])
         wrong = (*part.wrong, row)
         may = len(part.wrong) < self.most
@@ -167,7 +164,7 @@ class Cells:
 
 
 def agreed(verdicts: Verdicts, others: Verdicts) -> Verdicts:
-    """Return the verdicts (n,) on the union of two sets, from those on each.
+    """Return verdicts (n,) over the union of two sets of scales, from those over each.
 
     EQUAL agrees with BETTER and with WORSE, because both allow d.e = 0.
     """
@@ -190,7 +187,7 @@ def too_many_wrong(
 def _explained(
     blank: PolytopeComparator, loose: PolytopeComparator, answers: Answers, most: int
 ) -> tuple[str, tuple[tuple[int, str], ...], bool]:
-    """Return a sentence, a minimal set with more wrong answers than ``most``, and a flag.
+    """Return a sentence, a minimal set of answers of which too many are wrong, and a flag.
 
     The flag says whether a margin of 0 would allow the answers.
     """
@@ -222,7 +219,7 @@ def _explained(
 
 
 def _told(scales: PolytopeComparator, one: Answers) -> PolytopeComparator | None:
-    """Return the part of a cell that satisfies an answer, or None if it is empty."""
+    """Return a cell's comparator after an answer, or None if no scale is left."""
     try:
         return scales.update(one)
     except InconsistentAnswers:
@@ -230,10 +227,10 @@ def _told(scales: PolytopeComparator, one: Answers) -> PolytopeComparator | None
 
 
 def _unequal(one: Answers, tie: float) -> Iterator[Answers]:
-    """Yield the answers that say that d.e is at least ``tie``, and that -d.e is.
+    """Yield two answers, one of which holds if "equal" is wrong: d.e >= tie, and -d.e >= tie.
 
-    The value range is 1. So d.e >= tie says that left, less the share ``tie`` of the best level, is
-    better.
+    d.e >= tie is the answer that left is better after the share ``tie`` of the best level is taken
+    from it.
     """
     shift = max(0.0, tie - _OVERLAP * max(tie, float(np.abs(one.d[:, 1:]).max(initial=0.0))))
     for sign in (1, -1):
@@ -243,9 +240,9 @@ def _unequal(one: Answers, tie: float) -> Iterator[Answers]:
 
 
 def log_volume(draws: Draws) -> float:
-    """Return the logarithm of a set's volume, up to a constant.
+    """Return the logarithm of the volume of a set of scales, up to a constant, from draws.
 
-    It is the volume of the ellipsoid by which the draws scatter. It is rounded, so that choices do
+    It is the volume of the ellipsoid with the draws' covariance. It is rounded, so that choices do
     not depend on the last bit.
     """
     gaps = draws.gaps[:-1]  # the last gap follows from the others

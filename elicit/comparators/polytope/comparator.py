@@ -1,8 +1,8 @@
-"""The reliable-tutor comparator (section 3.1): it decides where all consistent scales agree.
+"""The comparator for a tutor who is always right: it decides what all consistent scales agree on.
 
-A verdict is the sign of the exact optimum of the two programs over K_t. It is reached by the
-cheapest sufficient proof (``decision.rule_kernel``, ``plausible_set``). ``bounds`` come from
-Clarabel, and every one is proven.
+This is section 3.1 of the paper. A verdict follows from the signs of the least and the greatest d.e
+over the plausible set K_t. The cheapest sufficient proof is used (``decision.rule_kernel``,
+``plausible_set``). ``bounds`` come from the solver Clarabel, and each is proven.
 """
 
 from __future__ import annotations
@@ -67,18 +67,17 @@ class PolytopeComparator:
     prior : optional
         (A (p, k), b (p,)), or named inequalities: texts such as "e4 >= 2*e2", the results of
         ``elicit.inequality``, and linear cvxpy constraints over ``elicit.scale_variable(k)``. For
-        texts
-        that use the levels' own names see ``elicit.inequalities(texts, labels=...)``.
+        texts that use the levels' own names see ``elicit.inequalities(texts, labels=...)``.
     tie : float
         Largest |d.e| that the tutor may call equal, a share of the value range e_k - e_1, in [0,
         1). Here d is a difference of share vectors. 0: equal means equal. It matters only once the
-        tutor says "equal". Then a larger one is safer, and an answer teaches less
-        (docs/about-equal.md). Verdicts and ``bounds`` use it as it is. ``simultaneous_bounds``, and
-        so the guarantees that depend on them, allow for twice as much.
+        tutor says "equal". Then a larger tie is safer, and an answer teaches less
+        (docs/about-equal.md). Verdicts and ``bounds`` use the tie as it is.
+        ``simultaneous_bounds``, and so guarantees, allow for twice as much.
     wrong : int
         The number of answers that may be wrong. K_t then holds every scale that satisfies all but
-        so many of the answers: it is the union of ``cells``. Proofs hold even if so many answers
-        are wrong, and take more questions.
+        this many of the answers: it is the union of ``cells``. Proofs hold even if this many
+        answers are wrong, and take more questions.
 
     Raises
     ------
@@ -130,10 +129,10 @@ class PolytopeComparator:
 
     @property
     def cells(self) -> tuple[Cell, ...]:
-        """The polytopes whose union is K_t, each with its comparator and the answers wrong in it.
+        """The polytopes whose union is K_t, each with its comparator and its wrong answers.
 
-        A cell's own comparator allows for no wrong answer. With ``wrong=0`` there is one cell,
-        whose comparator is this one.
+        Within a cell no further answer is wrong. With ``wrong=0`` there is one cell, whose
+        comparator is this one.
         """
         return (Cell(self, (), 1.0),) if self._cells is None else self._cells.cells
 
@@ -141,8 +140,8 @@ class PolytopeComparator:
     def suspects(self) -> tuple[tuple[int, str], ...]:
         """Answers that may be wrong, as (row, id), once the answers contradict each other.
 
-        They are the answers that are wrong under some scale of K_t. Before the answers contradict
-        each other, there are none. If there is only one, it must be wrong.
+        They are the answers that are wrong under some scale of K_t. There are none before the
+        answers contradict each other. If there is only one, it must be wrong.
         """
         parts = () if self._cells is None else self._cells.parts
         if not all(part.wrong for part in parts):
@@ -163,9 +162,10 @@ class PolytopeComparator:
 
     @cached_property
     def region(self) -> Region:
-        """K_t in gap space, with all constraints of the prior and the answers, also redundant ones.
+        """K_t as linear constraints on the gaps: those of the prior and of all answers.
 
-        It raises ValueError with ``wrong > 0``: then each of ``cells`` has its own.
+        Redundant constraints are included. It raises ValueError with ``wrong > 0``: then each of
+        ``cells`` has a region.
         """
         self._check_convex("region")
         prior = prior_rows(self.prior, self.k)
@@ -175,8 +175,8 @@ class PolytopeComparator:
     def values(self) -> Floats:
         """The analytic centre (k,) of K_t, from 0 to 1; read-only.
 
-        With ``wrong > 0`` it is the mean of the centres of ``cells``. They are weighed by volume
-        and by how many answers are wrong there.
+        With ``wrong > 0`` it is the weighted mean of the centres of ``cells``. A cell's weight is
+        its volume, less if more answers are wrong in it.
         """
         values = (
             values_of(analytic_centre(self.region)) if self._cells is None else self._cells.values
@@ -186,15 +186,15 @@ class PolytopeComparator:
 
     @one_thread
     def update(self, answers: Answers) -> PolytopeComparator:
-        """Return the comparator whose K_t is also cut by these answers.
+        """Return the comparator whose K_t also satisfies these answers.
 
         Raises
         ------
         InconsistentAnswers
             If no scale is left. It names a minimal contradictory set of rows of the old and new
-            answers: without any one of them all others, but for ``wrong`` of them, could be right.
-            Opposite answers to one pair always contradict each other: they do not mean that it is
-            equal.
+            answers: if any one of them is dropped, at most ``wrong`` of the others must be wrong.
+            Opposite answers to the same pair always contradict each other: they do not mean that it
+            is equal.
         """
         new = self._with_answers(answers)
         if self._cells is not None:
@@ -224,10 +224,10 @@ class PolytopeComparator:
         return new
 
     def learned_in_loop(self, answers: Answers, rule: Rule) -> PolytopeComparator:
-        """Return ``update`` with answers that a compiled loop has entered in its ``rule``.
+        """Return the comparator after answers that a compiled loop has already added to ``rule``.
 
         None of them is "equal". The rule had ``room`` for them, and they do not contradict the
-        earlier ones.
+        earlier ones. The result is that of ``update``.
         """
         if not len(answers):
             return self
@@ -248,24 +248,24 @@ class PolytopeComparator:
         return fresh.update(self.answers.without(ids))
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Return verdicts (n,) on differences (n, k): the sign of the exact optimum over K_t."""
+        """Return verdicts (n,) on differences (n, k), proven over K_t."""
         return decide_by_rule(self.rule, as_differences(d, self.k), self.decide_rest).verdicts
 
     @property
     def rule(self) -> Rule:
-        """The proofs about K_t as plain arrays."""
+        """The proofs about K_t as plain arrays for compiled loops."""
         rule = self._set.rule if self._cells is None else self._cells.rule
         cuts_all = self._cells is None and self._with_wider_ties is self._set
         return rule if cuts_all else rule._replace(room=0)
 
     @one_thread
     def decide_rest(self, d: Floats) -> Decisions:
-        """Decide by linear programs the differences that the rule leaves open."""
+        """Decide, by linear programs, differences that the compiled proofs leave open."""
         return self._set.decide_rest(d) if self._cells is None else self._cells.decide_rest(d)
 
     @one_thread
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Return outer bounds on d.e over K_t, tight to 1e-9 |d|_1."""
+        """Return the least and the greatest d.e over K_t, rounded outwards, tight to 1e-9 |d|_1."""
         rows = as_differences(d, self.k)
         return self._set.bounds(rows) if self._cells is None else self._cells.bounds(rows)
 
@@ -273,8 +273,8 @@ class PolytopeComparator:
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
         """Return upper bounds on d.e that hold for all rows at once, and their confidence.
 
-        They are proven for every scale in K_t, by its support function, with its ties taken twice
-        as wide. They are far cheaper than ``bounds``.
+        They are proven for every scale in K_t, with its ties taken twice as wide. Computing them is
+        far cheaper than computing ``bounds``.
 
         Returns
         -------
@@ -291,16 +291,17 @@ class PolytopeComparator:
 
     @one_thread
     def bounds_above(self, d: ArrayLike, enough: ArrayLike) -> tuple[Floats, float]:
-        """Return ``simultaneous_bounds``, of which those up to ``enough`` may be loose.
+        """Return ``simultaneous_bounds``, but bounds up to ``enough`` may be loose.
 
-        They take less time if the last call, before the last answers, was about nearly the same
-        differences: what was closed then mostly still is.
+        It takes less time if the last call was about nearly the same differences: bounds that were
+        below ``enough`` then mostly still are.
 
         Parameters
         ----------
         d : (n, k)
         enough : float or (n,)
-            In units of e_k - e_1. A bound up to this may be any upper bound on d.e up to this.
+            In units of e_k - e_1. If the exact bound is at most this, the result may be any number
+            between the two.
 
         Returns
         -------
@@ -316,7 +317,7 @@ class PolytopeComparator:
 
     @one_thread
     def bounds_after(self, asked: ArrayLike, d: ArrayLike, enough: ArrayLike) -> Floats:
-        """Return about the ``simultaneous_bounds`` that each answer to each question would leave.
+        """Return roughly the ``simultaneous_bounds`` there would be after each possible answer.
 
         They serve to choose questions, and prove nothing.
 
@@ -327,14 +328,13 @@ class PolytopeComparator:
         d : (n, k)
             Differences left - right, to bound.
         enough : float or (n,)
-            In units of e_k - e_1. A bound up to this need not be exact: any number up to this may
-            stand for it.
+            In units of e_k - e_1. A bound up to this may be replaced by any number up to this.
 
         Returns
         -------
         (c, 2, n) in units of e_k - e_1
             The first of the two is for the answer "worse", and the second for "better". -inf if the
-            answer contradicts what is known, inf if nothing is found in floats.
+            answer contradicts earlier ones, inf if floats find nothing.
         """
         rows, questions = as_differences(d, self.k), as_differences(asked, self.k)
         limits = np.broadcast_to(np.asarray(enough, dtype=np.float64), len(rows))
@@ -355,7 +355,7 @@ class PolytopeComparator:
         )
 
     def explain(self, d: ArrayLike, labels: Sequence[str] | None = None) -> Explanation:
-        """Explain why the tutor need not be asked about a difference.
+        """Explain how the answers decide a difference, or why they do not.
 
         Parameters
         ----------
@@ -377,7 +377,7 @@ class PolytopeComparator:
         return explain(d, self, labels)
 
     def problems(self, d: ArrayLike) -> tuple[cvxpy.Problem, cvxpy.Problem]:
-        """Return the programs that minimise and maximise d.e over K_t, as cvxpy problems.
+        """Return the linear programs that minimise and maximise d.e over K_t, as cvxpy problems.
 
         They share a scale variable. Inspect them, extend them, or give them to another solver.
 
@@ -390,7 +390,7 @@ class PolytopeComparator:
         -------
         least, greatest : cvxpy.Problem
             The label of each constraint says where it comes from, such as "answer 3". An answer is
-            in the unit in which its largest tail sum is between 1/2 and 1.
+            scaled so that its largest tail sum is between 1/2 and 1.
         """
         self._check_convex("problems")
         from elicit.comparators.polytope.cvxpy_problems import least_and_greatest
@@ -405,7 +405,7 @@ class PolytopeComparator:
         return self._set.programs.solves
 
     def _with_answers(self, answers: Answers) -> PolytopeComparator:
-        """Return a comparator with these further answers, whose sets are still to be made."""
+        """Return a comparator with these further answers, which computes K_t when it is needed."""
         new = object.__new__(PolytopeComparator)
         new.k, new.margin, new.prior = self.k, self.margin, self.prior
         new.tie, new.wrong = self.tie, self.wrong
@@ -421,7 +421,10 @@ class PolytopeComparator:
 
 
 def _refuse_opposite(answers: Answers, first: int) -> None:
-    """Raise InconsistentAnswers if an answer from row ``first`` on is opposite to another one."""
+    """Raise InconsistentAnswers if two answers to the same pair are opposite.
+
+    The later of the two is in row ``first`` or after it.
+    """
     if (rows := opposite_answers(answers, first)) is not None:
         raise opposed(rows, answers)
 

@@ -1,4 +1,4 @@
-"""The two programs over a set of scales as cvxpy problems, to inspect, extend or solve."""
+"""The least and the greatest d.e over a set of scales, as cvxpy problems to inspect or extend."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def least_and_greatest(
     d : (k,)
         One difference left - right.
     region : Region
-        The answers' rows (owner >= 0) in gap space, and the margin.
+        The margin and the answers' constraints on the gaps (rows whose ``owner`` is at least 0).
     prior : Prior or None
         The prior's inequalities, as they were given.
     violation : (n, budget), optional
@@ -89,12 +89,12 @@ def least_and_greatest(
 
 
 def _along_levels(t: Floats) -> Floats:
-    """Return the difference (k,) of total 0 whose tail sums are t (k-1,)."""
+    """Return the difference (k,), of total 0, whose tail sums are t (k-1,)."""
     return 0.0 - np.diff(t, prepend=0.0, append=0.0)
 
 
 def _constant(row: Floats) -> Any:
-    """Return these numbers (k,) as a cvxpy constant, shown on one line with four digits."""
+    """Return numbers (k,) as a cvxpy constant that prints on one line with four digits."""
     import cvxpy
 
     return cvxpy.Constant(row, name=f"[{', '.join(f'{x + 0.0:.4g}' for x in row)}]")

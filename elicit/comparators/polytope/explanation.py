@@ -1,4 +1,4 @@
-"""Explanations, as data and as sentences, of verdicts that were reached without asking."""
+"""Explanations, as data and as sentences, of verdicts that follow from earlier answers."""
 
 from __future__ import annotations
 
@@ -21,11 +21,10 @@ _MOST_STEPS = (
 
 
 class UsedAnswer(NamedTuple):
-    """An answer that a proof uses.
+    """An answer that a proof uses: its row (from 0), its id, its sign and its multiplier.
 
-    It has its row in the comparator's answers (from 0), its id, its sign and its multiplier. With
-    the sign s the answer says s d_row . e >= 0. If it was "equal", the proof uses s d_row . e >=
-    -tie.
+    With the sign s the answer says s d_row . e >= 0. If it was "equal", the proof uses s d_row . e
+    >= -tie.
     """
 
     row: int
@@ -36,7 +35,7 @@ class UsedAnswer(NamedTuple):
 
 
 class UsedStep(NamedTuple):
-    """A step of the order that a proof uses, and its multiplier.
+    """A step of the order of levels that a proof uses, and its multiplier.
 
     The step is e[gap + 1] - e[gap] >= margin, with levels counted from 0.
     """
@@ -46,7 +45,7 @@ class UsedStep(NamedTuple):
 
 
 class UsedPrior(NamedTuple):
-    """A prior inequality: its row in (A, b) (from 0), its name and its multiplier."""
+    """A prior inequality that a proof uses: its row in (A, b) (from 0), name and multiplier."""
 
     row: int
     name: str
@@ -57,7 +56,7 @@ class UsedPrior(NamedTuple):
 class Proof:
     """A proof that ``sign`` d.e >= ``bound`` >= 0 on all of K_t.
 
-    It is the identity of ``minimal_proof`` for sign * d. All numbers are exact.
+    It is the identity of ``minimal_proof`` for the difference sign * d. All numbers are exact.
 
     Attributes
     ----------
@@ -78,7 +77,7 @@ class Proof:
 
     @property
     def needs_margin(self) -> bool:
-        """True if the proof fails when neighbouring levels may be less than the margin apart."""
+        """True if the proof depends on the margin: neighbouring levels at least that far apart."""
         return self.bound_without_margin < 0
 
     def __str__(self) -> str:
@@ -108,12 +107,12 @@ class Explanation:
     Attributes
     ----------
     proofs : tuple of Proof
-        One of d for BETTER, of -d for WORSE, and both for EQUAL. There are none if left and right
-        are the same, or if the verdict is UNKNOWN.
+        A proof about d for BETTER, about -d for WORSE, and both for EQUAL. There are none if left
+        and right are the same, or if the verdict is UNKNOWN.
     scales : tuple of (k,)
-        Exact scales of K_t. UNKNOWN: one under which left is better, and one under which right is.
-        BETTER and WORSE: if the proof's bound is 0, one under which the difference is strictly
-        above or below 0. Otherwise none.
+        Exact scales of K_t. For UNKNOWN there are two, one under which left is better, and one
+        under which right is. For BETTER and WORSE there is one if the proof's bound is 0: under it
+        left and right are not equal. Otherwise none.
     tie : float
         Largest |d.e| that an answer "equal" allows.
     told_equal : int or None
@@ -132,22 +131,22 @@ class Explanation:
 
     @property
     def answers(self) -> tuple[UsedAnswer, ...]:
-        """The answers that force the verdict, all needed.
+        """The answers that force the verdict. None of them can be left out.
 
-        For EQUAL they are those of one proof, then those of the other.
+        For EQUAL the answers of the first proof come first.
         """
         return tuple(used for proof in self.proofs for used in proof.answers)
 
     @property
     def order(self) -> tuple[UsedStep, ...]:
-        """The steps of the order in the proofs."""
+        """The steps of the order of levels that the proofs use."""
         return tuple(used for proof in self.proofs for used in proof.order)
 
     @property
     def prior(self) -> tuple[UsedPrior, ...]:
-        """The prior inequalities that force the verdict, all needed.
+        """The prior inequalities that force the verdict. None of them can be left out.
 
-        For EQUAL they are those of one proof, then those of the other.
+        For EQUAL the inequalities of the first proof come first.
         """
         return tuple(used for proof in self.proofs for used in proof.prior)
 
@@ -193,9 +192,9 @@ class Explanation:
         )
 
     def _steps(self) -> list[str]:
-        """Return the part of the order that the proof uses, such as "well > stable".
+        """Return texts of the steps of the order that the proof uses, such as "well > stable".
 
-        If there are many steps, it is "the order of the levels".
+        If there are many steps, the text is "the order of the levels".
         """
         gaps = sorted({used.gap for used in self.order})
         whole = any(proof.remainder > 0 and proof.bound_without_margin > 0 for proof in self.proofs)
@@ -243,7 +242,7 @@ def _listed(words: Sequence[str]) -> str:
 
 
 def _short(number: Fraction) -> str:
-    """Return a number as text with four digits, also beyond the range of floats."""
+    """Return a number as text with four digits. It may be beyond the range of floats."""
     if not number or 2**-1000 < abs(number) < 2**1000:
         return f"{float(number):.4g}"
     return f"{Decimal(number.numerator) / Decimal(number.denominator):.3e}"

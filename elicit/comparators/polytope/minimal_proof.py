@@ -7,10 +7,10 @@ A decided verdict says that d.e >= 0 for every scale in K_t (BETTER), that -d.e 
     e_1).
 
 It adds up answered differences d_i, steps of the order and prior inequalities. The sign s_i turns
-each difference to the answered side: s_i d_i . e >= 0, or >= -tie if it was "equal". This is
-duality for the program that minimises d.e (Farkas 1902). The answers and prior inequalities in it
-are irreducible: a deletion filter (Chinneck and Dravnieks 1991) has dropped each that is not
-needed. So without any one of those listed, the verdict would not follow from the others.
+each difference to the answered side: s_i d_i . e >= 0, or >= -tie if it was "equal". Such a proof
+exists by linear programming duality (Farkas 1902). Its answers and prior inequalities are
+irreducible: a deletion filter (Chinneck and Dravnieks 1991) has dropped each that is not needed. So
+without any one of those listed, the verdict would not follow from the others.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _MOST_SINGLES = 3  # number of single answers to try in rationals before a set o
 class Polytope(Comparator, Protocol):
     """The parts of ``PolytopeComparator`` that an explanation uses.
 
-    It stands in for that class, which imports this module.
+    This protocol stands in for that class, whose module imports this one.
     """
 
     margin: float
@@ -57,16 +57,16 @@ class Polytope(Comparator, Protocol):
 
     @property
     def region(self) -> Region:
-        """K_t with every constraint, also the redundant ones."""
+        """K_t as linear constraints on the gaps, including redundant ones."""
 
 
 def explain(d: ArrayLike, comparator: Polytope, labels: Sequence[str] | None = None) -> Explanation:
     """Return the answers, steps of the order and prior inequalities that force a verdict.
 
-    The proof's multipliers are those of an optimal vertex, found in rationals. It has at most k - 2
-    of them. An interior point would leave a small multiplier on every step of the order. Clarabel
-    does the many tests of whether a row can be left out, and each result is proven. A proof that
-    needs no margin is preferred.
+    The proof's multipliers are those of an optimal vertex, found in rationals, at most k - 2 of
+    them. An interior point would give every step of the order a small multiplier. Clarabel tests
+    which rows can be left out, and each result is proven. A proof that needs no margin is
+    preferred.
 
     Parameters
     ----------
@@ -125,11 +125,12 @@ def explain(d: ArrayLike, comparator: Polytope, labels: Sequence[str] | None = N
 
 
 def _needed(goals: list[Floats], region: Region, comparator: Polytope) -> list[int]:
-    """Return owners of an irreducible set of rows that proves t.g >= 0 for each goal t.
+    """Return answers and prior inequalities that prove t.g >= 0 for each goal t, none superfluous.
 
-    The order of the levels counts as known. The set is sought among few rows first: none, the
-    prior's, one answer's, then those of an optimal vertex. Later answers are dropped first, so that
-    an explanation changes little as more is learned.
+    They are given by number, as the region's ``owner``; the order of the levels is used freely.
+    Small sets are tried first: none, the prior inequalities, single answers, then the answers used
+    at an optimal vertex. From the last set each one that is not needed is dropped, beginning with
+    the latest. So an explanation changes little as more is learned.
     """
     nothing = np.zeros(len(region.rows), dtype=bool)
     if all(_never_negative(t, region.take(nothing), None) for t in goals):
@@ -154,10 +155,11 @@ def _needed(goals: list[Floats], region: Region, comparator: Polytope) -> list[i
 
 
 def _single(goals: list[Floats], region: Region) -> list[int]:
-    """Return answers that may suffice alone, those that need fewest steps of the order first.
+    """Return numbers of answers each of which may prove t.g >= 0 alone, for a single goal t.
 
-    A row w suffices if t >= lambda w for the least lambda that lifts the negative entries of t.
-    Floats propose, and the caller tests.
+    An answer w.g >= 0 proves it if t >= lambda w for some lambda >= 0. Tried is the least lambda
+    for which this holds at the negative entries of t. Answers that need the fewest steps of the
+    order come first. Floats only propose: the caller proves it.
     """
     if len(goals) > 1:
         return []
@@ -171,10 +173,7 @@ def _single(goals: list[Floats], region: Region) -> list[int]:
 
 
 def _never_negative(t: Floats, region: Region, inside: Floats | None) -> bool:
-    """Return whether t.g >= 0 is proven on the whole region.
-
-    It is proven by ``Programs.sign_of_least``, or by the exact optimum.
-    """
+    """Return whether t.g >= 0 is proven on the whole region, by floats or by the exact optimum."""
     if not len(region.rows):
         return bool(_least_by_order(_exact(t), region) >= 0)
     sign, _ = Programs(region).sign_of_least(t, inside) if np.abs(t).max() < 1 else (0, None)
@@ -182,10 +181,10 @@ def _never_negative(t: Floats, region: Region, inside: Floats | None) -> bool:
 
 
 def _proof(sign: int, d: Floats, t: Floats, part: Region, comparator: Polytope) -> Proof:
-    """Return the proof, with multipliers in the units of the given differences.
+    """Return the proof that sign * d.e >= 0, with multipliers in the units of the answers.
 
-    The multipliers are those of an optimal vertex over ``part``. ``t`` is d's tail sums over a
-    power of two.
+    The multipliers are those of an optimal vertex over the region ``part``. ``t`` are d's tail
+    sums, divided by a power of two.
     """
     known, told = comparator.prior, comparator.answers
     goal = sign * t + 0.0
@@ -221,7 +220,7 @@ def _proof(sign: int, d: Floats, t: Floats, part: Region, comparator: Polytope) 
 
 
 def _tails(d: Floats) -> Numbers:
-    """Return the float tail sums of d (k,), in units of d, as exact numbers.
+    """Return the tail sums of d (k,), as floats give them, as exact rationals.
 
     All comparisons are about these numbers.
     """
@@ -229,7 +228,7 @@ def _tails(d: Floats) -> Numbers:
 
 
 def _least_by_order(t: Numbers, region: Region) -> Fraction:
-    """Return the least t.g over K_0, in rationals."""
+    """Return the least t.g over all ordered scales, as an exact rational."""
     margin: Any = region.exact_margin
     least: Any = order_bounds(t, margin)[0]
     return Fraction(least)
@@ -242,9 +241,9 @@ def _told_equal(d: Floats, answers: Answers) -> int | None:
 
 
 def _moderate(g: Numbers, other: Numbers, t: Floats) -> Numbers:
-    """Return a scale between vertex g and another one, still on g's side of zero.
+    """Return a scale that gives t.g the same sign as vertex g does, but is less extreme.
 
-    It is less extreme, and so easier to picture.
+    It lies between g and another vertex, and so is easier to picture.
     """
     for share in (Fraction(1, 4), Fraction(1, 16)):
         mixed: Numbers = (1 - share) * g + share * other

@@ -1,4 +1,4 @@
-"""A scale with one open step of the order: either of two neighbouring levels may be the better.
+"""A comparator for scales with one open step: either of two neighbouring levels may be the better.
 
 "Worse than dead" is the usual case: some people put a life in constant care below death, and some
 do not. The plausible scales are then the union of two polytopes, one for each order. A verdict is
@@ -28,7 +28,7 @@ from elicit.model.scale import Floats
 
 
 class _Ordered(NamedTuple):
-    """One order of the levels, worst first, and the comparator if it is the true one."""
+    """One of the two orders, worst level first, and a comparator that takes it as true."""
 
     order: tuple[int, ...]
     scales: PolytopeComparator
@@ -107,15 +107,15 @@ class OpenOrderComparator:
     def values(self) -> Floats:
         """The central scale (k,), least 0 and greatest 1. Read-only.
 
-        It need not rise from level to level. It is the mean over the orders that are left, weighed
-        by the volume of their scales. In that mean all levels may be worth the same, as two levels
-        of unknown order are. Then it is the scale of the given order.
+        It is the mean over the possible orders, weighted by the volume of their scales. So the two
+        levels may be in either order in it. If all levels have the same value in the mean, which
+        happens with two levels, it is the scale of the given order.
         """
         return mean_scale([(order, scales.values) for order, scales in self._parts], self._weights)
 
     @cached_property
     def _weights(self) -> Floats:
-        """The volume of the scales of each order that is left, as a share of the greatest."""
+        """The volume of the scales of each possible order, as a share of the greatest."""
         logs = np.zeros(len(self._parts))
         if len(self._parts) > 1:
             logs = np.array([log_volume(part.scales.draws) for part in self._parts])
@@ -125,15 +125,15 @@ class OpenOrderComparator:
     def draws(self) -> Draws:
         """Scales drawn about uniformly from those of all orders that are left.
 
-        The gap between the two levels is negative in one order. The draws serve to choose questions
-        by probability. No proof depends on them.
+        In one order, the gap between the two levels is negative. The draws serve to choose
+        questions. No proof depends on them.
         """
         shares = self._weights / self._weights.sum()
         return together([(order, scales.draws) for order, scales in self._parts], shares)
 
     @one_thread
     def update(self, answers: Answers) -> OpenOrderComparator:
-        """Return the comparator that also knows these answers, without orders they contradict.
+        """Return the comparator that also knows these answers. Orders they contradict are dropped.
 
         Raises
         ------
@@ -163,17 +163,20 @@ class OpenOrderComparator:
         return fresh.update(self.answers.without(ids))
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Return verdicts (n,) on differences (n, k), on which all orders left agree."""
+        """Return verdicts (n,) on differences (n, k), on which all possible orders agree."""
         return decide_by_rule(self.rule, self._rows(d), self.decide_rest).verdicts
 
     @property
     def rule(self) -> Rule:
-        """A rule that decides nothing: since either order may hold, ``decide_rest`` decides all."""
+        """A rule for compiled loops that decides nothing: ``decide_rest`` decides everything.
+
+        Even dominance depends on the order of the levels.
+        """
         return unaided()
 
     @one_thread
     def decide_rest(self, d: Floats) -> Decisions:
-        """Return verdicts and tiers (n,) of differences d (n, k)."""
+        """Return verdicts and tiers (n,) of differences d (n, k), by both orders' comparators."""
         rows = self._rows(d)
         verdicts = np.full(len(rows), Verdict.EQUAL, np.int8)
         tiers = np.zeros(len(rows), np.int8)
@@ -185,7 +188,7 @@ class OpenOrderComparator:
 
     @one_thread
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Return outer bounds (n,) on d.e over the scales of all orders that are left."""
+        """Return bounds lo (n,), hi (n,) on d.e that hold in all possible orders."""
         rows = self._rows(d)
         each = np.array([scales.bounds(rows[:, order]) for order, scales in self._parts])
         return each[:, 0].min(axis=0), each[:, 1].max(axis=0)
@@ -202,7 +205,7 @@ class OpenOrderComparator:
 
 
 def _told(parts: Sequence[_Ordered], answers: Answers) -> list[_Ordered]:
-    """Return the orders that allow the answers, each with a comparator that knows them."""
+    """Return those orders that the answers allow, each with a comparator that has learned them."""
     left = []
     for order, scales in parts:
         there = Answers(filled_up(answers.d)[:, order], answers.y, answers.ids)
@@ -216,7 +219,7 @@ def _told(parts: Sequence[_Ordered], answers: Answers) -> list[_Ordered]:
 def _explained(
     blank: Sequence[_Ordered], answers: Answers
 ) -> tuple[str, tuple[tuple[int, str], ...], bool]:
-    """Return a sentence, a minimal contradictory set, and whether the margin is to blame."""
+    """Return a sentence, a minimal contradictory set, and whether a margin of 0 would allow it."""
 
     def possible(rows: Sequence[int], parts: Sequence[_Ordered]) -> bool:
         chosen: NDArray[np.intp] = np.array(rows, dtype=np.intp)

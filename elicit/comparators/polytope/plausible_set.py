@@ -1,8 +1,8 @@
-"""K_t as a set of gap vectors: the exact sign of t.g over it, and rigorous bounds.
+"""The plausible set K_t in gap coordinates g: the exact sign of t.g over it, and rigorous bounds.
 
-Compiled code decides most signs (``decision.rule_kernel``). The others go to Clarabel, then to the
-simplex method in rationals, whose optimum, multipliers and basis are kept as proofs. ``bounds``
-come from Clarabel, and every one is proven.
+Compiled code decides most signs (``decision.rule_kernel``). The others go to the solver Clarabel.
+If its result proves nothing, they go to the simplex method in rationals, whose optimum, multipliers
+and basis are kept as proofs. ``bounds`` come from Clarabel, and each is proven.
 """
 
 from __future__ import annotations
@@ -44,9 +44,10 @@ _REMEMBERED = 1_000_000  # numbers in the differences whose bounds are kept
 
 
 class _Bounded(NamedTuple):
-    """Upper bounds ``high`` (n,) on differences d (n, k), found over this set or a larger one.
+    """Upper bounds ``high`` (n,) on differences d (n, k), kept from an earlier call.
 
-    Those over this set are as tight as ``greatest`` has them where they exceed ``enough`` (n,).
+    They were found over this set or a larger one. Bounds above ``enough`` (n,) are exact for the
+    set they were found over; others may be loose.
     """
 
     d: Floats
@@ -69,8 +70,8 @@ class Empty(ValueError):
 class PlausibleSet:
     """The set {g >= margin, sum g = 1, rows g >= rhs}, with everything proven about it so far.
 
-    The set never changes. The proofs about it grow, which changes CPU time only. Raise Empty if no
-    point satisfies the rows.
+    The set never changes. More proofs may be found, which changes only the CPU time of later calls.
+    Raise Empty if no point satisfies the rows.
     """
 
     _rule: Rule | None = None
@@ -84,7 +85,7 @@ class PlausibleSet:
         self._pruned_to = len(region.rows)
 
     def cut(self, rows: Floats, rhs: Floats, owner: NDArray[np.int64]) -> PlausibleSet:
-        """Return the part of the set that satisfies further rows (m, p).
+        """Return the part of the set that satisfies further rows (m, p), rows g >= rhs.
 
         Rows that follow from others are left out. Raise Empty if no point satisfies them.
         """
@@ -96,12 +97,12 @@ class PlausibleSet:
 
     @property
     def inside(self) -> Floats | None:
-        """A point (p,) strictly inside; None if the set is too flat for floats to have one."""
+        """A point (p,) strictly inside the set; None if floats find none in a flat set."""
         return None if np.isnan(self._known.inside[0]) else self._known.inside
 
     @cached_property
     def programs(self) -> Programs:
-        """Clarabel's programs over this set."""
+        """The linear programs over this set, to be solved by Clarabel."""
         return Programs(self.region)
 
     def decide(self, d: Floats) -> Decisions:
@@ -110,10 +111,10 @@ class PlausibleSet:
 
     @property
     def rule(self) -> Rule:
-        """The proofs as plain arrays.
+        """The proofs about the set as plain arrays for compiled loops.
 
-        With a margin of 0, rows can close gaps, which then make no difference, not even to
-        dominance. So a set too flat to have a point inside has no proofs then.
+        With a margin of 0, rows can force gaps to be 0, which dominance does not take into account.
+        So if the set has no point strictly inside, the arrays hold no proofs.
         """
         if self.region.margin == 0 and len(self.region.rows) > 0 and self.inside is None:
             return unaided()
@@ -131,11 +132,11 @@ class PlausibleSet:
         )
 
     def bounds(self, d: Floats) -> tuple[Floats, Floats]:
-        """Return outer bounds (n,) on d.e for valid differences d (n, k), tight to 1e-9 |d|_1."""
+        """Return proven bounds lo (n,), hi (n,) on d.e of d (n, k), tight to 1e-9 |d|_1."""
         return self._least(d), 0.0 - self._least(-d)
 
     def _least(self, d: Floats) -> Floats:
-        """Return lower bounds (n,) on d.e, tight to 1e-9 |d|_1."""
+        """Return lower bounds (n,) on d.e for differences d (n, k), tight to 1e-9 |d|_1."""
         _, t, exponent = of_order_one(d)
         low = order_bounds(t, self.region.margin)[0]
         low -= rounding(self.region.p + 1, 4.0 * np.abs(t).max(axis=1, initial=0.0))
@@ -147,14 +148,15 @@ class PlausibleSet:
         return np.where(t.any(axis=1), np.nextafter(low, -np.inf), 0.0)
 
     def bounded(self, d: Floats, enough: Floats | None = None) -> Floats:
-        """Return ``greatest`` of d (n, k), as far as possible from memory.
+        """Return upper bounds (n,) on d.e of d (n, k), as ``greatest``, but reuse the last bounds.
 
-        A bound up to ``enough`` (n,) may be any upper bound up to that. Default: none may be loose.
+        If the exact bound is at most ``enough`` (n,), the result may be any number between the two.
+        By default all bounds are exact.
 
-        A learner needs the bounds of a round's differences three times: for its proof, to see which
-        of them are open, and to choose a cut. From round to round differences change little, and
-        the set becomes smaller. So most that were closed in the last round are seen to be closed by
-        the bounds that they had and by how much they have changed.
+        In each round a learner needs the bounds three times: for its proof, to see which
+        differences are open, and to choose a cut. From round to round differences change little,
+        and the set becomes smaller. So the last bounds, plus the change of each difference, mostly
+        suffice to show that a bound is still below ``enough``.
         """
         enough = np.full(len(d), -np.inf) if enough is None else enough
         last = self._last
@@ -172,7 +174,7 @@ class PlausibleSet:
         return high
 
     def _at_most(self, d: Floats, last: _Bounded) -> Floats:
-        """Return upper bounds (n,) on d.e from those on nearly the same differences."""
+        """Return upper bounds (n,) on d.e, from the ``last`` ones and how d has changed since."""
         size = np.abs(d).sum(axis=1) + np.abs(last.d).sum(axis=1)
         change = order_bounds(tail_sums(d) - tail_sums(last.d), self.region.margin)[1]
         bounds: Floats = last.high + change + rounding(self.region.p + 1, 4.0 * size)
@@ -181,7 +183,7 @@ class PlausibleSet:
     def greatest(self, d: Floats) -> Floats:
         """Return upper bounds (n,) on d.e for valid differences d (n, k).
 
-        Positive ones are tight to 1e-9 |d|_1. The vertices that walks find give the bounds, and
+        Positive bounds are tight to 1e-9 |d|_1. Walks from vertex to vertex find most of them, and
         Clarabel the rest.
         """
         high, reached = greatest(d, self._known)
@@ -195,16 +197,18 @@ class PlausibleSet:
         return high
 
     def greatest_beside(self, d: Floats, asked: Floats, enough: Floats) -> Floats:
-        """Return about the greatest d.e (c, 2, n) over both parts that a question makes.
+        """Return roughly the greatest d.e (c, 2, n) over the two parts that each question makes.
 
-        The questions are ``asked`` (c, k). A maximum up to ``enough`` (n,) need not be exact.
+        The questions are ``asked`` (c, k), and a part is where an answer holds. A maximum up to
+        ``enough`` (n,) need not be exact.
         """
         return greatest_beside(d, asked, self._known, enough)
 
     def _loose(self, d: Floats, high: Floats, reached: Floats) -> NDArray[np.int64]:
-        """Return the rows of d whose positive upper bound (n,) is not seen to be tight.
+        """Return rows of d whose positive upper bounds (n,) may not be tight.
 
-        Neither ``reached`` (n,) nor a known point comes near to it.
+        A bound is tight if d.e is near it at a known point of the set, or was at the point where a
+        walk ended: ``reached`` (n,).
         """
         near = 1e-9 * np.abs(d).sum(axis=1)
         rows = np.flatnonzero((high > 0) & ~(high - reached <= near))
@@ -230,7 +234,7 @@ class PlausibleSet:
     def cut_in_loop(
         self, rows: Floats, rhs: Floats, owner: NDArray[np.int64], known: Known
     ) -> PlausibleSet:
-        """Return the set cut by rows (m, p) that ``cut_at_once`` has entered in ``known``.
+        """Return the set cut by rows (m, p) that a compiled loop has already added to ``known``.
 
         There may be as many rows as the rule had ``room`` for.
         """
@@ -240,18 +244,18 @@ class PlausibleSet:
 
     @property
     def _most_rows(self) -> int:
-        """The number of rows beyond which redundant ones are searched for."""
+        """The number of rows above which redundant rows are looked for."""
         return int(self._pruned_to * 1.3 + 2)
 
     def _filled(self, region: Region, known: Known, last: _Bounded | None) -> PlausibleSet:
-        """Return this new set, with a region, facts about it, and bounds over a larger set."""
+        """Fill in this new set: its region, facts known about it, and bounds over a larger set."""
         self.region, self._known = region, known
         if last is not None:  # its bounds hold, but are no longer tight
             self._last = last._replace(enough=np.full(len(last.d), np.inf))
         return self
 
     def _holds(self, row: Floats, limit: float) -> bool:
-        """Return whether row.g >= limit is known to follow from the other rows."""
+        """Return whether row.g >= limit is known to follow from the set's rows."""
         if limit == 0:
             with np.errstate(all="ignore"):
                 verdict = sign_of(row, self._known)
@@ -260,10 +264,10 @@ class PlausibleSet:
         return bool(((self.region.rows == row).all(axis=1) & (self.region.rhs == limit)).any())
 
     def _solve(self, d: Floats) -> tuple[Verdict, Tier]:
-        """Return the verdict and its tier by section 3.1's two programs.
+        """Return a difference's verdict and tier, from the signs of its least and greatest d.e.
 
-        The second is solved only if needed: a known point on one side of zero decides the sign of
-        one optimum.
+        The two linear programs are those of the paper's section 3.1. If a known point already shows
+        the sign of an optimum, that program is not solved.
         """
         t = np.ascontiguousarray(tail_sums(d))
         size, _ = to_order_one(t)
@@ -280,9 +284,9 @@ class PlausibleSet:
         return Verdict(int(verdicts_from(np.array([least]), np.array([greatest]))[0])), tier
 
     def _sign_of_least(self, t: Floats, tier: Tier) -> tuple[int, Tier]:
-        """Return the sign of min t.g over the set, and its tier.
+        """Return the sign of the least t.g over the set, and the tier that found it.
 
-        Clarabel gives it if its solution proves it. Otherwise it is computed in rationals.
+        Clarabel finds it if its solution proves it. Otherwise it is computed in rationals.
         """
         sign, point = (
             self.programs.sign_of_least(t, self.inside) if self.inside is not None else (0, None)

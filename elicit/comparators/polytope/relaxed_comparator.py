@@ -1,15 +1,15 @@
 """The polytope comparator for a tutor who errs now and then.
 
-It decides where all scales agree that violate the answers nearly as little as possible. An answer
-(d, y) is violated by max(0, -y d.e), or for y = 0 by max(0, |d.e| - tie), in units of e_k - e_1.
-The total f over all answers, each as often as it was given, is convex and piecewise linear. Its
-least value is a linear program: the fit of a scale by least total violation (LINMAP: Srinivasan and
+It decides what all scales agree on that violate the answers nearly as little as possible. A scale
+violates an answer (d, y) by max(0, -y d.e), or for y = 0 by max(0, |d.e| - tie), in units of e_k -
+e_1. The total f over all answers is convex and piecewise linear in the scale. Its least value is
+found by a linear program: the fit of a scale by least total violation (LINMAP: Srinivasan and
 Shocker 1973, Psychometrika 38; UTA: Jacquet-Lagreze and Siskos 1982, EJOR 10). The plausible set is
 {f <= B}, where B is that least value plus the slack.
 
-For every subset S of the answers, the total violation over S is at most f and so at most B: a
-linear cut. The set that satisfies the cuts made so far contains {f <= B}, so its verdicts are
-proven. If it leaves both signs possible, its best point is joined to one inside {f <= B}. The
+For every subset S of the answers, the total violation over S is at most f and so at most B. This is
+a linear cut. The set that satisfies the cuts made so far contains {f <= B}, so verdicts over it are
+proven. If it leaves both signs possible, its best point is joined to a point inside {f <= B}. The
 answers that are violated where the segment leaves {f <= B} make the next cut (Veinott 1967,
 Operations Research 15; after Kelley 1960, SIAM J. 8). There are finitely many subsets, and few of
 them matter.
@@ -46,8 +46,9 @@ if TYPE_CHECKING:
     import cvxpy
 
 LEAST_SLACK = 1e-9
-"""Times the largest answered tail sum, rounded up to a power of two: what a smaller slack is raised
-to (but for 0 with consistent answers), so that {f <= B} is not too thin for floats."""
+"""A smaller slack is raised to this number times the largest answered tail sum, rounded up to a
+power of two, so that {f <= B} is not too thin for floats. A slack of 0 with consistent answers
+stays 0."""
 
 _GRID = (
     2.0**-36
@@ -70,9 +71,11 @@ class RelaxedPolytopeComparator:
     frozen value. ``elicit.Comparator`` says what its methods take and return.
 
     BETTER, WORSE and EQUAL are proven. UNKNOWN may also be said if the exact optimum is within
-    about 1e-9 |d|_1 of zero. With slack 0 and consistent answers it equals ``PolytopeComparator``.
-    Once they are inconsistent, slack 0 leaves the best fit, often one scale alone, which is hardly
-    ever the true one. The true scale stays if the tutor's errors do not exceed the slack in total.
+    about 1e-9 |d|_1 of zero.
+
+    With slack 0 and consistent answers the comparator equals ``PolytopeComparator``. With slack 0
+    and inconsistent answers it keeps the best fit, often one scale alone, which is hardly ever the
+    true one. The true scale stays plausible if the tutor's errors do not exceed the slack in total.
     An answer that contradicts earlier ones can make a decided difference UNKNOWN again.
 
     Parameters
@@ -157,17 +160,17 @@ class RelaxedPolytopeComparator:
 
     @property
     def rule(self) -> Rule:
-        """The proofs about the plausible scales as plain arrays."""
+        """The proofs about the plausible scales as plain arrays for compiled loops."""
         return self._set.rule
 
     @one_thread
     def decide_rest(self, d: Floats) -> Decisions:
-        """Decide by linear programs the differences that the rule leaves open."""
+        """Decide, by linear programs, differences that the compiled proofs leave open."""
         return self._set.decide_rest(d)
 
     @one_thread
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Return outer bounds on d.e over the plausible scales, tight to 1e-9 |d|_1."""
+        """Return proven bounds on d.e over the plausible scales, tight to 1e-9 |d|_1."""
         return self._set.bounds(as_differences(d, self.k))
 
     @one_thread
@@ -191,7 +194,7 @@ class RelaxedPolytopeComparator:
     @cached_property
     @one_thread
     def draws(self) -> Draws:
-        """Plausible scales, drawn to choose questions by probability; no proof depends on them."""
+        """Plausible scales, drawn to choose questions. No proof depends on them."""
         return self._set.draws
 
     @property
@@ -199,7 +202,7 @@ class RelaxedPolytopeComparator:
     def values(self) -> Floats:
         """The analytic centre (k,) of the plausible set, from 0 to 1; read-only.
 
-        If B > 0, it is the centre of the set of all scales together with a violation allowed for
+        If B > 0, it is the centre of a larger set: scales together with a violation allowed for
         each answer, B in total.
         """
         return self._set.values
@@ -219,9 +222,9 @@ class RelaxedPolytopeComparator:
     def violated(self) -> tuple[tuple[int, str], ...]:
         """The answers that do not fit the others, as (row, id).
 
-        They are the answers that some least-violating scale violates by more than 1e-7 of the
-        largest answered difference. Usually there is one such scale. If there are several, the
-        blame can be put on different answers, and all of them are listed.
+        A scale with the least total violation violates them, by more than 1e-7 of the largest
+        answered difference. Usually there is one such scale. If there are several, they violate
+        different answers, and all of these are listed.
         """
         if self._exact is not None:
             return ()
@@ -232,7 +235,7 @@ class RelaxedPolytopeComparator:
         return tuple((int(row), self.answers.ids[row]) for row in np.unique(wrong))
 
     def problems(self, d: ArrayLike) -> tuple[cvxpy.Problem, cvxpy.Problem]:
-        """Return the programs that minimise and maximise d.e over the plausible scales, for cvxpy.
+        """Return cvxpy problems that minimise and maximise d.e over the plausible scales.
 
         They are like those of ``PolytopeComparator.problems``, with a variable "violation" (n,):
         the violation of each answer, in units of e_k - e_1.
@@ -298,10 +301,10 @@ class RelaxedPolytopeComparator:
 
 
 class _Sublevel:
-    """The set {f <= budget} within the order and the prior.
+    """The set {f <= budget} of scales whose total violation f of the answers is within a budget.
 
-    A middle of the order's set and the best fit (f < budget) are given. The object keeps points of
-    the set, and a PlausibleSet around it, which is cut as needed.
+    The object keeps points inside this set, and a PlausibleSet that contains it, to which cuts are
+    added as needed. It is given a middle of all ordered scales, and the best fit (f < budget).
     """
 
     def __init__(
@@ -321,7 +324,10 @@ class _Sublevel:
         self.solves = 0
 
     def inherit(self, old: _Sublevel) -> None:
-        """Take over the cuts and points from fewer answers, unless the budget has grown."""
+        """Take over the cuts and points of ``old``, found for fewer answers.
+
+        If the budget has grown since, they are not valid, and nothing is taken over.
+        """
         with np.errstate(over="ignore"):
             budget = np.ldexp(old.budget, old.hinges.exponent - self.hinges.exponent)
         if self.budget <= budget:
@@ -347,19 +353,19 @@ class _Sublevel:
 
     @property
     def rule(self) -> Rule:
-        """The proofs about the set around, and the points inside."""
+        """The proofs about the set as plain arrays: the containing set, and points inside."""
         rule = self.around.rule
         return outer(rule.known, self.points.T) if rule.kind == PROVEN else rule
 
     def bounds(self, d: Floats) -> tuple[Floats, Floats]:
-        """Return outer bounds (n,) on d.e for valid differences d (n, k), tight to 1e-9 |d|_1."""
+        """Return proven bounds lo (n,), hi (n,) on d.e of d (n, k), tight to 1e-9 |d|_1."""
         for one in _unit_tails(d):
             for t in (one, -one) if one.any() else ():
                 self._sharpen(t, -np.inf)
         return self.around.bounds(d)
 
     def simultaneous_bounds(self, d: Floats) -> tuple[Floats, float]:
-        """Return upper bounds (n,) on d.e for valid differences (n, k), and their confidence, 1.
+        """Return upper bounds (n,) on d.e for differences d (n, k), and their confidence, 1.
 
         The greatest of them is tight to 1e-9 |d|_1.
         """
@@ -375,7 +381,7 @@ class _Sublevel:
 
     @cached_property
     def draws(self) -> Draws:
-        """Draws from the set around that are within {f <= budget}.
+        """Draws from the containing set that lie in the set {f <= budget} itself.
 
         If these are few, the known points are added.
         """
@@ -397,7 +403,7 @@ class _Sublevel:
         return values
 
     def _sharpen(self, t: Floats, enough: float) -> None:
-        """Cut until the least t.g over the cuts is the least over the set.
+        """Add cuts until the least t.g over the containing set is that over the set itself.
 
         Stop early if a point of the set has t.g < enough.
         """
@@ -416,7 +422,7 @@ class _Sublevel:
                 return
 
     def _jump(self, t: Floats) -> None:
-        """Add the point of the set where t.g is least, and the cut that its multipliers prove."""
+        """Solve for the least t.g over the set: keep its point, and the cut that proves it."""
         cost = np.append(t, np.zeros(len(self.hinges.rows)))
         found = solve(self.hinges, self.order.region, cost, self.budget)
         self.solves += 1
@@ -433,10 +439,10 @@ class _Sublevel:
             self.around = self.around.cut(row[None, :], np.array([limit]), np.array([-1]))
 
     def _cut_off(self, g: Floats) -> bool:
-        """Add the point where the segment from ``inside`` to g leaves the set, and the cut there.
+        """Cut off a point g outside the set: follow the segment to it from a point inside.
 
-        Return False if the segment does not leave the set, or if rounding leaves too little of the
-        cut.
+        The point where the segment leaves the set is kept, and the cut there is added. Return False
+        if the segment does not leave the set, or if rounding leaves too little of the cut.
         """
         start = self.hinges.lacking(self.inside)
         way = self.hinges.lacking(g) - start
@@ -457,17 +463,17 @@ class _Sublevel:
 
 
 def _unit_tails(d: Floats) -> Floats:
-    """Return tail sums (n, p) of d (n, k), scaled to a largest of 1."""
+    """Return tail sums (n, p) of d (n, k), divided by the largest of each row."""
     t = of_order_one(d).t
     size = np.abs(t).max(axis=1, initial=0.0, keepdims=True)
     return np.asarray(t / np.where(size > 0, size, 1.0))
 
 
 def _centre(level: _Sublevel) -> Floats:
-    """Return the g (p,) of the analytic centre of the set of (g, s) with sum s <= budget.
+    """Return the gaps (p,) at the analytic centre of scales together with violations.
 
-    Here g is within the order and the prior, and s >= 0 is at least the violation of each answer by
-    g.
+    The set has points (g, s): g satisfies the order and the prior, each s_i >= 0 is at least the
+    violation of answer i by g, and sum s <= budget.
     """
     hinges, (rows, limits) = level.hinges, level.order.region.constraints
     m, p = hinges.rows.shape

@@ -1,4 +1,4 @@
-"""Answers as hinges: the violation of each by a scale, and the scale of least total violation."""
+"""The violation of answers by a scale, as a sum of terms max(0, ...), and its minimum."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ from elicit.model.scale import Floats
 
 
 class Hinges(NamedTuple):
-    """The answers as f(g) = sum weights * max(0, rhs - rows g), in units of 2^exponent.
+    """The total violation of the answers, f(g) = sum weights * max(0, rhs - rows g).
 
-    Weights are powers of two, at most 1.
+    Each term, a *hinge*, is an inequality that an answer states about the gaps g. The unit of f is
+    2^exponent. Weights are powers of two, at most 1.
     """
 
     rows: Floats  # (m, p)
@@ -31,9 +32,9 @@ class Hinges(NamedTuple):
 
     @staticmethod
     def of(answers: Answers, tie: float) -> Hinges:
-        """Return the hinges of these answers: one max(0, violation) for each inequality.
+        """Return the terms for these answers: one for each inequality that an answer states.
 
-        "Equal" states that |d.e| <= ``tie``.
+        "Equal" states two: |d.e| <= ``tie``.
         """
         rows, rhs, owner = answer_rows(answers, 0, tie)
         size = of_order_one(answers.d, "the answers").exponent[owner]
@@ -41,26 +42,27 @@ class Hinges(NamedTuple):
         return Hinges(rows, rhs, owner, np.ldexp(1.0, size - exponent), exponent)
 
     def lacking(self, g: Floats) -> Floats:
-        """Return the weighted violation of each row (m,) by g (p,).
+        """Return by how much each row (m,) is short of its limit at g (p,), times its weight.
 
-        It is negative if g satisfies the row with room.
+        It is negative if g satisfies the row with room to spare.
         """
         return np.asarray(self.weights * (self.rhs - self.rows @ g))
 
     def total(self, g: Floats) -> float:
-        """Return f at g (p,)."""
+        """Return the total violation f at g (p,)."""
         return float(np.maximum(self.lacking(g), 0.0).sum())
 
     def at_most(self, g: Floats) -> float:
-        """Return an upper bound on f at g that holds for every rounding, also for that of g."""
+        """Return an upper bound on f at g, which allows for rounding, also of g itself."""
         doubt = 4.0 * rounding(len(g), np.abs(self.rows) @ np.abs(g) + np.abs(self.rhs))
         each = np.maximum(self.lacking(g) + self.weights * doubt, 0.0)
         return float(each.sum() * (1.0 + 2.0**-50 * len(each)))
 
     def cut(self, weights: Floats, budget: float) -> tuple[Floats, float]:
-        """Return the cut row.g >= limit that f <= budget implies for a weighted sum of the rows.
+        """Return a cut row.g >= limit that holds wherever f <= budget, from some of the terms.
 
-        The weights (m,) are from 0 to the hinges' own. The limit is rounded so that the cut holds.
+        The terms have the given weights (m,), from 0 to their own. The limit is rounded so that the
+        cut holds.
         """
         row, limit = weights @ self.rows, float(weights @ self.rhs) - budget
         size = float((weights @ np.abs(self.rows)).max() + weights @ np.abs(self.rhs)) + budget
@@ -73,9 +75,9 @@ class Hinges(NamedTuple):
 
 
 class HingeSolution(NamedTuple):
-    """HiGHS's solution: g (p,), multipliers y (m,) >= 0 of the answers' rows, and ``price``.
+    """HiGHS's solution: g (p,), multipliers y (m,) >= 0 of the rows, and that of the budget.
 
-    The price is the multiplier of the budget.
+    The budget's multiplier is ``price``.
     """
 
     g: Floats
@@ -86,7 +88,7 @@ class HingeSolution(NamedTuple):
 def solve(hinges: Hinges, region: Region, cost: Floats, budget: float) -> HingeSolution | None:
     """Return the (g, s) of least cost in the region, or None if HiGHS finds none.
 
-    Here s >= 0 is at least the violation of each row by g, and its weighted sum is at most
+    Each s_i >= 0 is at least the violation of row i by g, and the weighted sum of s is at most
     ``budget``.
     """
     (m, p), prior = hinges.rows.shape, len(region.rows)
@@ -109,9 +111,9 @@ def solve(hinges: Hinges, region: Region, cost: Floats, budget: float) -> HingeS
 
 
 def best_fit(hinges: Hinges, order: PlausibleSet) -> Floats:
-    """Return a point (p,) within the order and the prior that minimises f up to rounding.
+    """Return a point (p,) with the least total violation f, up to rounding.
 
-    The point is certain to be within them.
+    The point certainly satisfies the order and the prior.
     """
     region, p = order.region, order.region.p
     found = solve(hinges, region, np.append(np.zeros(p), hinges.weights), len(hinges.rows) + 1.0)

@@ -1,4 +1,1 @@
-"""The course of an interview.
-
-How the person answers, what is asked once the asker is done, and what is concluded.
-"""
+"""The course of an interview: the person's conduct, further questions, and the conclusion."""

@@ -1,7 +1,7 @@
-"""Choices of a person about the course of an interview, which are kept in the answer log.
+"""A person's choices about the course of an interview, which are kept in the answer log.
 
-They are metadata of the lines that say which question was asked. A program that does not know them
-reads such a log as before.
+In the log they are metadata of the lines that say which question was asked. A program that does not
+know them reads such a log as before.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from typing import Any
 from elicit.tutors.answer_log import Asked
 
 CHOICES = "choices"
-"""The metadata of an asked question: the choices of the person by then, if they changed."""
+"""The metadata field of an asked question that holds the person's choices, if they changed."""
 
 
 @dataclass
 class Choices:
-    """Choices of a person about the course of an interview.
+    """A person's choices about the course of an interview.
 
     Attributes
     ----------
@@ -27,9 +27,9 @@ class Choices:
     minutes
         Number of minutes that the person has; None if they did not say.
     offered
-        Number of answers at the last offer that the person answered.
+        Number of answers when the person last answered an offer.
     heard
-        Number of answers at the last caution that the person passed over.
+        Number of answers when the person last continued after a caution.
     stopped
         True if they want the result now.
     more
@@ -54,9 +54,9 @@ class Choices:
 
     @staticmethod
     def of(asked: Iterable[Asked]) -> Choices:
-        """Return the choices that the last question of a log kept with them says.
+        """Return the choices in the last line of a log that has any.
 
-        A part that is missing, or not of its kind, is as at the start.
+        A part that is missing or invalid has its initial value.
         """
         kept: Any = {}
         for one in asked:

@@ -1,4 +1,4 @@
-"""The conclusion of an interview: a headline with what is at stake, and a table of what changes."""
+"""The conclusion of an interview: a headline with what is at stake, and tables."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Conclusion:
 
 @dataclass(frozen=True)
 class SessionFacts:
-    """SessionFacts about a session that its report names: pairs of a name and a value.
+    """Facts about a session that its report names, as pairs of a name and a value.
 
     Attributes
     ----------
@@ -95,9 +95,9 @@ class SessionFacts:
 
 
 def per_hundred(share: float) -> str:
-    """Return a share of the value range as a number in a hundred, rounded up to two digits.
+    """Return a share of the value range as a text such as "3.8 in 100".
 
-    It is rounded up so that it still bounds. The least number above 0 is 0.001.
+    It has two digits, rounded up so that it is still a bound. The least number above 0 is 0.001.
 
     Parameters
     ----------
@@ -107,7 +107,6 @@ def per_hundred(share: float) -> str:
     Returns
     -------
     str
-        Such as "3.8 in 100".
     """
     hundred = 100.0 * share
     if not hundred > 0:
@@ -119,9 +118,9 @@ def per_hundred(share: float) -> str:
 
 
 def in_unit(share: float, unit: str, labels: Sequence[str], own: str = "") -> str:
-    """Return the size of a loss in the problem's own unit, after "it loses at most".
+    """Return a loss in the problem's own unit, as a text that follows "it loses at most".
 
-    It is said as a comparison ("as if"), because a loss of value is no forecast of outcomes.
+    It is a comparison ("as if"), because a loss of value is no forecast of outcomes.
 
     Parameters
     ----------
@@ -132,7 +131,7 @@ def in_unit(share: float, unit: str, labels: Sequence[str], own: str = "") -> st
     labels : (k,) str
         Names of the levels, worst first.
     own : str
-        The problem's own clause, in which "{n}" stands for such as "3.8 in 100".
+        The problem's own clause, in which "{n}" stands for a text such as "3.8 in 100".
 
     Returns
     -------

@@ -1,8 +1,9 @@
-"""Conduct of a person, from the log alone, and the earlier questions that are put again to see it.
+"""A person's conduct, from the log alone, and the earlier questions that are put again to check it.
 
-A check is a question whose answer can be compared with something: an earlier question put again, or
-two neighbouring levels, whose order is known. Whoever answers by chance differs in about half of
-them. ``Conduct`` counts the checks; ``Repeats`` chooses when one is due, and which.
+A check is a question whose answer can be compared with something. It is an earlier question put
+again, or a question about two neighbouring levels, whose order is known. Somebody who answers by
+chance differs in about half of the checks. ``Conduct`` counts the checks. ``Repeats`` chooses when
+to put which question again.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ ORDER = "order/"
 IN_CONFLICT = "in conflict"
 """The metadata of an answer that was taken back because it contradicted others."""
 SETTLED = "settled/"
-"""Start of the id of an answer that stands for two that differed."""
+"""Start of the id of an answer that replaces two that differed."""
 UNSURE_OFFER = 3
 """Answers "cannot tell" in a row after which the person is offered something else."""
 _UNSURE = 12  # answers "cannot tell" in a row after which the questions are said not to work
@@ -36,15 +37,15 @@ _SHARE_TAKEN_BACK = 1 / 4  # of those given. In 50 sessions with 10% or 15% erro
 _AS_TAKEN_BACK = 2
 _FEW = 3  # answers of one kind that are worth a remark at the end
 _SIDE_AT_END = 8
-_DIFFERED = 2  # checks answered otherwise that are worth a remark
+_DIFFERED = 2  # checks answered differently that are worth a remark
 _LIKE_GUESSES = "Your answers cannot be told from guesses yet."
-_BY_CHANCE = 0.5  # share of the checks that answers by chance answer otherwise, at least
-_BY_SLIPS = 0.15  # share that somebody answers otherwise who means the answers
-_LIKELIER = 2.0  # so many times likelier by chance is said
+_BY_CHANCE = 0.5  # least share of checks that answers by chance answer differently
+_BY_SLIPS = 0.15  # share that a person who means the answers answers differently
+_LIKELIER = 2.0  # "by chance" must be this many times likelier to be said
 LEAST_CHECKS = 5
-"""Checks before the end. Answers by chance pass so many in at most 1 of 32 cases."""
+"""Checks before the end. Answers by chance pass this many in at most 1 of 32 cases."""
 MOST_CHECKS = 11
-"""Checks after which whoever has not passed is told so."""
+"""A person who has not passed after this many checks is told so."""
 _RARE = 25  # cases: answers by chance that do so well in one of more are rare
 _MORE_ALIKE = 2  # further checks that must be answered alike for each that was not
 _EVERY = 4  # answers for each check, where the interview wants some
@@ -52,7 +53,7 @@ AGAIN = " again"  # suffix of the id of a query that is put again
 
 
 def choice_of(answer: Answer) -> Kind:
-    """Return what was chosen on the screen."""
+    """Return which choice on the screen an answer was: "a", "b", "equal" or "cannot tell"."""
     if answer.verdict is None:
         return "cannot tell"
     if answer.verdict is Verdict.EQUAL:
@@ -61,24 +62,27 @@ def choice_of(answer: Answer) -> Kind:
 
 
 def repeats_in(log: Iterable[Entry]) -> list[Entry]:
-    """Return the repeats that count: those that stand, and those that the person has settled."""
+    """Return the answers to repeated questions that count.
+
+    Those are the ones that stand, and those replaced when the person settled a difference.
+    """
     return [entry for entry in log if entry.repeat and (entry.stands or was_settled(entry))]
 
 
 def was_settled(entry: Entry) -> bool:
-    """Return whether the person has said since what they mean by this answer and its repeat."""
+    """Return whether the person has settled what they mean by this answer and its repeat."""
     return RESOLVED in (entry.retraction or {})
 
 
 def differs(entry: Entry) -> bool:
-    """Return whether a repeat was answered otherwise than the first time, as far as is known."""
+    """Return whether a repeat was answered differently from the first time."""
     said = entry.answer.verdict
     return bool(entry.metadata.get(EXPECTED, said) != said)
 
 
 @dataclass(frozen=True)
 class Conduct:
-    """Conduct in a log: how its answers were given.
+    """Counts from a log of how a person has answered.
 
     Attributes
     ----------
@@ -87,12 +91,12 @@ class Conduct:
     with_verdict
         Those among them that say which is better, or equal.
     checks, differed
-        Number of checks, and of those answered otherwise than before or against the order of the
-        levels.
+        Number of checks. Number of these that were answered differently from before, or against the
+        order of the levels.
     last
         The last choice on the screen; None if there is no answer.
     in_a_row
-        How many answers at the end are that choice.
+        Number of times that this choice was made in a row, up to now.
     taken_back
         Answers taken back because they contradicted others.
     repeated
@@ -110,7 +114,7 @@ class Conduct:
 
     @staticmethod
     def of(log: Sequence[Entry]) -> Conduct:
-        """Return the conduct of the answers of a log."""
+        """Return the conduct in the answers of a log."""
         standing = [entry for entry in log if entry.stands and not entry.repeat]
         repeats = repeats_in(log)
         order = [
@@ -139,11 +143,11 @@ class Conduct:
 
     @property
     def put(self) -> int:
-        """Questions answered, repeated ones among them, as the screens count them."""
+        """Number of questions answered, including repeats, as the screens count them."""
         return self.answered + self.repeated
 
     def checks_beside(self, more: int, least: int) -> int:
-        """Return how many checks come with so many more answers, if all are answered alike.
+        """Return the number of checks that come with further answers, if all checks agree.
 
         Parameters
         ----------
@@ -156,12 +160,12 @@ class Conduct:
 
     @property
     def given(self) -> int:
-        """Answers that stand, without repeats, and those taken back as contradictions."""
+        """Answers that stand, without repeats, and answers taken back as contradictions."""
         return self.answered + self.taken_back
 
     @property
     def like_chance(self) -> bool:
-        """True if the checks were answered about as they are by chance."""
+        """True if the checks were answered about as well as by chance."""
         likelier = (_BY_CHANCE / _BY_SLIPS) ** self.differed
         likelier *= ((1 - _BY_CHANCE) / (1 - _BY_SLIPS)) ** (self.checks - self.differed)
         return self.differed >= _DIFFERED and likelier >= _LIKELIER
@@ -170,8 +174,8 @@ class Conduct:
     def passed(self) -> bool:
         """True if there were enough checks, and enough of them were answered alike.
 
-        About 6% of people who answer by chance come so far, and 98% of those who answer one check
-        in 20 differently.
+        About 6% of people who answer by chance pass, and 98% of those who answer one check in 20
+        differently.
         """
         alike = self.checks - self.differed
         return alike >= LEAST_CHECKS + _MORE_ALIKE * self.differed
@@ -187,7 +191,7 @@ class Conduct:
 
     @property
     def unresolved(self) -> bool:
-        """True if some check was answered otherwise, and more checks would tell what it means."""
+        """True if some check was answered differently, and more checks would explain it."""
         may = self.checks < MOST_CHECKS and not self.like_chance
         return self.differed > 0 and may and not self.passed
 
@@ -215,7 +219,7 @@ class Conduct:
 
     @property
     def offers(self) -> bool:
-        """True if the person could not tell in several questions in a row, just now."""
+        """True if the person answered "cannot tell" several times in a row, up to now."""
         return (
             self.last == "cannot tell" and self.in_a_row > 0 and self.in_a_row % UNSURE_OFFER == 0
         )
@@ -281,8 +285,8 @@ class Conduct:
 class Repeats:
     """Chooses when an earlier question is put again, and which one.
 
-    In front of a ``share`` of the questions one is put again. The choice depends on the seed and on
-    the answers that stand, so that it is the same after a restart.
+    A ``share`` of the questions have a repeat in front of them. The choice depends on the seed and
+    on the answers that stand, so that it is the same after a restart.
     """
 
     def __init__(self, log: AnswerLog, share: float, seed: Seed) -> None:
@@ -294,12 +298,12 @@ class Repeats:
         self._key = fold(key_of(seed), name_code("questions put again"))
 
     def due(self, conduct: Conduct) -> Query | None:
-        """Return the question to put again now, as a query with an id of its own, or None.
+        """Return the question to put again now, as a query with a new id, or None.
 
         Parameters
         ----------
         conduct : Conduct
-            That of the log so far.
+            The conduct in the log so far.
         """
         standing = self._log.standing
         if not standing or standing[-1].repeat or self._settled_last():
@@ -313,12 +317,12 @@ class Repeats:
     def confirming(self, conduct: Conduct) -> Query | None:
         """Return the question to put again before the end, or None.
 
-        None if the checks suffice, or nothing is left to put again.
+        It is None if the checks suffice, or no question is left to put again.
 
         Parameters
         ----------
         conduct : Conduct
-            That of the log so far.
+            The conduct in the log so far.
         """
         if conduct.passed or conduct.like_chance or conduct.checks >= MOST_CHECKS:
             return None
@@ -328,12 +332,12 @@ class Repeats:
         return self._again(first, int(which) + len(repeats_in(self._log)))
 
     def _settled_last(self) -> bool:
-        """Return whether the last event was a repeat, which the person has settled."""
+        """Return whether the last event in the log is that a repeat was settled."""
         again = repeats_in(self._log)
         return bool(again) and [*self._log][-1] is again[-1]
 
     def _again(self, first: Sequence[Answer], which: int) -> Query | None:
-        """Return one of these answered queries as one to put again.
+        """Return one of these answered queries, to be put again, or None.
 
         It is never the last one, which the person remembers.
         """
@@ -360,7 +364,7 @@ class Repeats:
 
     @staticmethod
     def names(id: str) -> bool:
-        """Return whether an id is that of a question put again."""
+        """Return whether an id belongs to a question put again."""
         return id.endswith(AGAIN)
 
     def first_answer(self, query: Query) -> Answer | None:
@@ -371,5 +375,5 @@ class Repeats:
 
 
 def _behind(conduct: Conduct) -> bool:
-    """Return whether there are fewer checks than there should be by now."""
+    """Return whether there were fewer checks than there should be by now."""
     return conduct.checks < conduct.answered // _EVERY + conduct.differed

@@ -1,4 +1,4 @@
-"""Consequences of each choice in a conflict: what a level would be worth, and the answers kept."""
+"""The consequences of each choice in a conflict: the values of levels, and the answers kept."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ T = TypeVar("T")
 
 
 class Consequences(Generic[T]):
-    """Consequences of each choice in a conflict. One thread computes it while others read.
+    """The consequences of each choice in a conflict. One thread computes them while others read.
 
     Parameters
     ----------
     id : str
         Of the conflict.
     suppose : mapping
-        For each choice, a function that returns what would stand after it.
+        For each choice, a function that returns the state after it.
     sentence : callable
-        Returns what that means, in a few words.
+        Takes such a state, and returns it in a few words.
     """
 
     def __init__(
@@ -35,7 +35,7 @@ class Consequences(Generic[T]):
         """True if nothing will be added."""
 
     def steps(self) -> Iterator[None]:
-        """Compute what each choice would lead to, one choice at each step of the iterator.
+        """Compute the consequences of one choice in each step.
 
         A choice is left out if its function raises ValueError, as for answers that contradict each
         other.
@@ -49,5 +49,5 @@ class Consequences(Generic[T]):
             self.ready = True
 
     def found(self) -> dict[str, str]:
-        """Return the sentences that are known by now, by the choice."""
+        """Return the sentences that are known by now, by choice."""
         return dict(self._found)

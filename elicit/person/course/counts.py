@@ -1,4 +1,4 @@
-"""Counts of the answers in a log, and the sentence that every screen, report and command uses."""
+"""Counts of the answers in a log, and the sentence on them in every screen, report and command."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ class Counts:
     Attributes
     ----------
     answered
-        Answers that count: those that stand, and each answer to a repeated question, also if the
-        person has settled a difference since. All other numbers but ``withdrawn`` are among them.
+        Answers that count: those that stand, and each answer to a repeated question, even if the
+        person has settled a difference since. Except for ``withdrawn``, all other numbers are parts
+        of this one.
     repeated
         Answers to repeated questions.
     alike
-        Those of them that are as before.
+        Those of them that are the same as before.
     equal, cannot_tell
         Answers "equally good" and "cannot tell".
     unused
@@ -62,7 +63,7 @@ class Counts:
 
     @staticmethod
     def read(record: Mapping[str, int]) -> Counts:
-        """Return the counts of a record; what it leaves out is 0."""
+        """Return the counts of a JSON record. A missing count is 0."""
         return Counts(**{name.replace(" ", "_"): n for name, n in record.items()})
 
     @property

@@ -1,4 +1,4 @@
-"""Drift within a session: whether repeats differ more often in one half than in the other."""
+"""Drift within a session: a test of whether repeats differ more often in one of its halves."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ _SIGNIFICANT = 0.05  # p-value below which a difference is said: 1 in 20 without
 
 @dataclass(frozen=True)
 class Drift:
-    """Repeats in each half of a session, and those answered otherwise than the first time.
+    """Numbers of repeats in each half of a session, and of those answered differently.
 
     Attributes
     ----------
     first, second
         Number of repeats in each half.
     first_differed, second_differed
-        Those among them that differed.
+        Number of these that were answered differently from the first time.
     """
 
     first: int
@@ -31,7 +31,7 @@ class Drift:
 
     @staticmethod
     def of(log: Sequence[Entry]) -> Drift:
-        """Return the drift of the answers of a log, whose halves have the same number of lines."""
+        """Return the drift in a log, whose halves have the same number of lines."""
         again = {id(entry) for entry in repeats_in(log)}
         halves = log[: len(log) // 2], log[len(log) // 2 :]
         counts = [

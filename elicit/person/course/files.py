@@ -15,7 +15,7 @@ _FORMULA = ("=", "+", "-", "@", "\t")  # with which a spreadsheet begins a formu
 
 
 class ShowsCounts(Protocol):
-    """A question as it is shown."""
+    """Protocol of a question as it is shown, with counts."""
 
     @property
     def labels(self) -> Sequence[str]:
@@ -26,11 +26,11 @@ class ShowsCounts(Protocol):
         """Both sides in words, and what they have in common."""
 
     def record(self) -> dict[str, Any]:
-        """Return its counts."""
+        """Return the counts as JSON."""
 
 
 def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return rows of the same columns as CSV, with a header.
+    """Return rows, all with the same columns, as CSV with a header.
 
     A text that a spreadsheet would take for a formula gets an apostrophe in front.
 
@@ -107,7 +107,7 @@ def answer_row(
 
 
 def use_of(entry: Entry, in_conflict: bool = False) -> str:
-    """Return whether an answer is learned from, and if not, why.
+    """Return whether comparators learn an answer, and if not, why, as text.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Forecasts beside a question that do not jump: the questions left, and why a stated loss rose."""
+"""Forecasts beside a question that do not jump: questions left, and why a stated loss rose."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from typing import NamedTuple
 _SLACK = 2  # questions, and a share of those left, by which a forecast may be off and stays:
 _SHARE_OF_SLACK = 0.25
 _ESTIMATE = 0.07
-"""Share of a loss that it varies by, because it is estimated from a sample of plausible scales.
-
-Ten answers about ICU-Sepsis, learned with four seeds: at most 7% from the least to the greatest."""
+"""The share by which a loss varies, because it is estimated from a sample of plausible scales. It
+was measured with ten answers about ICU-Sepsis, learned with four seeds: at most 7% from the least
+to the greatest."""
 
 
 class QuestionsLeft:
-    """The range of questions that are still to come, as it is shown.
+    """The range of the number of questions still to come, as it is shown.
 
-    New forecasts come with every question. The range shown stays as long as it is not off by much:
-    by two questions, or by a quarter of those left. Meanwhile its ends count down.
+    New forecasts come with every question. The shown range is kept, and its ends count down, as
+    long as it is not off by much: by two questions, or by a quarter of those left.
     """
 
     def __init__(self) -> None:
@@ -57,7 +57,7 @@ class QuestionsLeft:
 
 
 class Stated(NamedTuple):
-    """The loss that was last stated to a person.
+    """The loss that was last stated to the person.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class Stated(NamedTuple):
 
 
 def rise(loss: float | None, stated: Stated, exact: bool = False) -> str | None:
-    """Return a sentence on why a loss is greater than when it was last stated, or None if it isn't.
+    """Return a sentence on why a loss is greater than the one last stated, or None if it is not.
 
     Parameters
     ----------

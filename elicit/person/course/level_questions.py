@@ -1,7 +1,7 @@
-"""Questions that an interview puts beside those of its asker.
+"""Questions about single levels, which an interview puts beside those of its asker.
 
-They compare one level with a mixture of two others, in whole numbers, as near as possible to the
-middle of what is still open about that level. They need nothing but a comparator.
+They compare a level with a mixture of two others, in whole numbers, as near as possible to the
+middle of the level's interval. They need nothing but a comparator.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from elicit.person.course.conduct import ORDER
 LEVEL = "level/"
 """Start of the id of a question about a level."""
 _NARROW = 0.02  # width of an interval, from 0 (worst) to 1 (best), that is not worth a question
-_APART = 0.05  # difference, of the same scale, that a question about what is known has at least
-_FEWEST = 0.5  # share of the halvings that an interval needs: the fewest questions that come
-_MOST = 1.6  # the same, of the most
-_GRID = 1e-6  # on which widths are compared, so that no rounding decides
+_APART = 0.05  # least difference, on that scale, of a question whose answer is known
+_FEWEST = 0.5  # questions for each halving that an interval needs, at the fewest
+_MOST = 1.6  # the same, at the most
+_GRID = 1e-6  # grid for comparing widths, so that no rounding decides
 
 
 class _LevelPair(NamedTuple):
-    """A mixture of two levels: a share of the higher one, and the rest of the lower one."""
+    """Two levels to mix: a share of the higher one, and the rest of the lower one."""
 
     low: int
     high: int
@@ -40,7 +40,7 @@ def level_question(
     asked: Collection[int] = (),
     mixed_with: Literal["ends", "neighbours"] = "ends",
 ) -> Query | None:
-    """Return a question about the level of which most is open, or None if there is none.
+    """Return a question about the level whose value is most open, or None if there is none.
 
     Parameters
     ----------
@@ -77,9 +77,10 @@ def level_question(
 def known_question(
     comparator: Comparator, of: int, answered: Callable[[Query], bool]
 ) -> Query | None:
-    """Return a question whose answer follows from earlier ones, to see whether it is given.
+    """Return a question whose answer follows from earlier ones, as a check.
 
-    It compares a level with the nearest mixture of best and worst that is certainly not as good.
+    It compares a level with a mixture of best and worst that is certainly not as good: the nearest
+    such mixture.
 
     Parameters
     ----------
@@ -142,7 +143,7 @@ def questions_left(comparator: Comparator) -> tuple[int, int] | None:
 
 
 def order_question(k: int, level: int) -> Query:
-    """Return the check question whether a level is better than the next worse one.
+    """Return the check question that compares a level with the next worse one.
 
     Parameters
     ----------
@@ -160,7 +161,7 @@ def order_question(k: int, level: int) -> Query:
 
 
 def _about(comparator: Comparator, level: int, pair: _LevelPair, of: int) -> Iterator[Query]:
-    """Return the open questions about a level: the coarser ones first, then the most open."""
+    """Yield the open questions about a level: the coarser ones first, then the most open."""
     for total in dict.fromkeys((of, 10 * of)):
         least, most = bounds_of(comparator, _differences(comparator.k, level, pair, total))
         width = np.rint(np.minimum(-least, most) / _GRID)
@@ -170,9 +171,9 @@ def _about(comparator: Comparator, level: int, pair: _LevelPair, of: int) -> Ite
 
 
 def _differences(k: int, level: int, pair: _LevelPair, total: int) -> Floats:
-    """Return the differences (total - 1, k) of a level and mixtures of the pair.
+    """Return the differences (total - 1, k) between a level and mixtures of a pair of levels.
 
-    The mixtures have 1, 2, ... outcomes of the higher level.
+    The mixtures have 1, 2, ... outcomes of the higher level, out of ``total``.
     """
     shares = np.arange(1, total) / total
     d = np.zeros((len(shares), k))

@@ -1,4 +1,4 @@
-"""The pace of a person: seconds a question, and answers that came too fast to be meant."""
+"""A person's pace: seconds for each question, and answers that came too fast to be meant."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FEW_HASTY = 3
 """Answers in under a second that are worth a remark."""
 _HASTY_SHARE = 0.2  # share of them that is worth a remark at the end
 _KNOWN_AFTER = 3  # answers
-_BREAK = 300.0  # seconds: whoever takes longer was away, and the rest does not count
+_BREAK = 300.0  # seconds: a person who takes longer was away, and the rest does not count
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Pace:
     Attributes
     ----------
     seconds
-        Seconds a question: the median of the person's own, once three are known.
+        Seconds for each question: the median of the person's own, once three are known.
     spent
         Seconds spent on all answers so far, without breaks.
     hasty
@@ -42,7 +42,7 @@ class Pace:
 
     @staticmethod
     def of(log: Iterable[Entry]) -> Pace:
-        """Return the pace of the answers of a log that stand."""
+        """Return the pace of the standing answers of a log."""
         said = [entry.metadata.get("latency") for entry in log if entry.stands]
         took = [float(one) for one in said if isinstance(one, int | float) and one >= 0]
         own = median(took) if len(took) >= _KNOWN_AFTER else SECONDS
@@ -63,9 +63,9 @@ class Pace:
         )
 
     def questions_in(self, minutes: int) -> int:
-        """Return how many more questions fit into so many minutes, of which some are spent."""
+        """Return how many more questions fit into ``minutes``, of which some are already spent."""
         return max(0, round((60 * minutes - self.spent) / self.seconds))
 
     def minutes_for(self, questions: float) -> int:
-        """Return how many whole minutes so many questions take, at least 1."""
+        """Return how many whole minutes this number of questions takes, at least 1."""
         return max(1, round(questions * self.seconds / 60))

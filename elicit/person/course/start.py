@@ -1,7 +1,7 @@
-"""Facts from before the first answer: the loss that was possible, and if anything was open.
+"""The state before the first answer: the loss that was possible, and if anything was open.
 
-It takes a second to compute where the problem is large, so the log keeps it, as metadata of a line
-that says which question was asked. A program that does not know it reads such a log as before.
+Computing it takes a second for a large problem, so the log keeps it, as metadata of a line that
+says which question was asked. A program that does not know it reads such a log as before.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from elicit.tutors.answer_log import Asked
 
 START = "start"
-"""The metadata of an asked question: what was known before the first answer."""
+"""The metadata field of an asked question that holds the state before the first answer."""
 
 
 class Before(NamedTuple):
@@ -35,13 +35,14 @@ class Before(NamedTuple):
 
     @staticmethod
     def kept(asked: Iterable[Asked], facts: Sequence[tuple[str, str]]) -> Before | None:
-        """Return what a log keeps of a session with these facts, or None if it keeps nothing.
+        """Return the state before the first answer that a log has kept, or None.
 
         Parameters
         ----------
         asked : iterable of Asked
         facts : sequence of pairs
-            All that it depends on, such as the problem and the comparator.
+            All that the state depends on, such as the problem and the comparator. If the log has
+            other facts, what it has kept does not count.
         """
         by = _as_json(facts)
         for one in asked:
@@ -54,7 +55,7 @@ class Before(NamedTuple):
         return None
 
     def record(self, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
-        """Return it as JSON, with the facts that it depends on."""
+        """Return these attributes as JSON, together with ``facts``, on which they depend."""
         return {**self._asdict(), "by": _as_json(facts)}
 
 
@@ -63,7 +64,7 @@ def _as_json(facts: Sequence[tuple[str, str]]) -> list[list[str]]:
 
 
 class _Begins(Protocol):
-    """The parts of an asker that are needed."""
+    """Protocol of an asker, with the parts that are needed here."""
 
     def ask(self) -> Sequence[object]:
         """Return the open questions."""
@@ -74,10 +75,7 @@ class _Begins(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """A session before its first answer, of which only what is needed is computed.
-
-    It has what ``Before`` has.
-    """
+    """The attributes of ``Before`` for a new session, each computed when it is first read."""
 
     asker: _Begins
 
@@ -93,6 +91,6 @@ class Start:
         return not self.asker.ask()
 
     def computed(self) -> Before | None:
-        """Return all of it if all of it was computed, otherwise None."""
+        """Return all attributes as ``Before`` if all of them were computed, otherwise None."""
         both = "loss" in vars(self) and "finished" in vars(self)
         return Before(self.loss, self.finished) if both else None

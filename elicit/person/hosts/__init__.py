@@ -1,1 +1,1 @@
-"""Hosts of an interview: a page served on an address, and a widget in a notebook."""
+"""Hosts that show an interview: a page on a web address, and a widget in a notebook."""

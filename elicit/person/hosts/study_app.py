@@ -1,7 +1,7 @@
-"""The pages of a study as an ASGI application: one for each person, one for whoever runs it.
+"""The pages of a study as an ASGI application: one for each person, one for the study's runner.
 
-Each page lies under a path of its own and has a door of its own: a token, and a cookie that the
-browser sends to this path alone. All that holds of a single page holds of each of them.
+Each page has its own path, and its own token and cookie. The browser sends the cookie to this path
+alone. Otherwise a page is like that of a single session (``web_app``).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from elicit.person.showing import printable
 from elicit.person.study.study import Study
 
 RUNNER = "study"
-"""The first part of the path of the page of whoever runs the study."""
+"""The first part of the path of the page for the person who runs the study."""
 _ASK = "Ask whoever runs the study for a new link."
 _KEPT = (
     "Each link lets in one browser, once, and a new one is needed after a restart of the program. "
@@ -26,12 +26,12 @@ _KEPT = (
 
 
 class Reception:
-    """The doors of a study, and the messages of whoever runs it.
+    """Access to the pages of a study, and the messages of the person who runs it.
 
-    They are those of ``Study``, whose people have two more fields here: ``link`` (the link that was
-    not opened yet, or null) and ``opened`` (true if a browser was let in by the newest one). And
-    there is ``{"do": "link", "who": ...}``, which makes a new link for a person and shuts out the
-    browsers that older ones let in. Its reply is that to ``state``.
+    The messages are those of ``Study``, with two more fields for each person: ``link`` (the link
+    that was not opened yet, or null) and ``opened`` (true if a browser was let in by the newest
+    link). There is also ``{"do": "link", "who": ...}``, which makes a new link for a person and
+    shuts out the browsers that older links let in. Its reply is that to ``state``.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Reception:
         Their names. Until ``begin`` their pages say that the program gets ready.
     port : int
     hosts : iterable of str
-        As of ``Door``.
+        As for ``Door``.
     origin : str
         The beginning of every address.
     """
@@ -59,7 +59,7 @@ class Reception:
             door.new_token()
 
     def begin(self, study: Study) -> None:
-        """Let each person's interview take the messages from their page."""
+        """Pass messages to each person's interview in the study from now on."""
         self._study = study
         for who, interview in study.interviews.items():
             self._rooms[who].give_way(interview)
@@ -71,7 +71,10 @@ class Reception:
         }
 
     def new_runner_address(self) -> str:
-        """An address that lets in whoever runs the study, once; the one before does not now."""
+        """Return an address that lets in the person who runs the study, once.
+
+        The address before it no longer works.
+        """
         self._runner.new_token()
         return self._link(self._runner)
 
@@ -96,11 +99,11 @@ class Reception:
 
     @property
     def who(self) -> str:
-        """Whose page it is, for messages to whoever runs the program."""
+        """The name of the page's person, for messages to the person who runs the program."""
         return "whoever runs the study"
 
     def handle(self, message: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the reply to a message of whoever runs the study.
+        """Return the reply to a message of the person who runs the study.
 
         Raises
         ------

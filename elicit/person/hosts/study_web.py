@@ -18,10 +18,12 @@ from elicit.person.study.study import Study
 class StudyServer(PageServer):
     """The pages of a study, served by a thread of its own from now until ``close``.
 
-    Each person has a link of their own, which leads to their page alone. Whoever runs the study has
-    a page that says who has answered how much, makes new links, and ends the study. Other arguments
-    and errors are those of ``PageServer``. The study stays open. study: or the names of its people,
-    if it is not there yet. The pages then say that the program gets ready, until ``begin``.
+    Each person has a link of their own, which leads to their page alone. The person who runs the
+    study has a page that says who has answered how much, makes new links, and ends the study.
+
+    ``study`` may also be the names of its people, if the study is not made yet. The pages then say
+    that the program gets ready, until ``begin``. Other arguments and errors are those of
+    ``PageServer``. Closing the server does not close the study.
     """
 
     def __init__(
@@ -42,7 +44,7 @@ class StudyServer(PageServer):
         self.serve_app(self._reception.application())
 
     def begin(self, study: Study) -> None:
-        """Serve the pages of this study, once, if there was none before."""
+        """Serve the pages of this study, if names were given in its place before."""
         self._reception.begin(study)
 
     def links(self) -> dict[str, str]:
@@ -50,7 +52,10 @@ class StudyServer(PageServer):
         return self._reception.links()
 
     def new_address(self) -> str:
-        """An address that lets in whoever runs the study, once; the one before does not now."""
+        """Return an address that lets in the person who runs the study, once.
+
+        The address before it no longer works.
+        """
         return self._reception.new_runner_address()
 
 
@@ -64,10 +69,13 @@ def serve_study(
 ) -> None:
     """Serve the pages of a study until Ctrl+C.
 
-    Prints each person's link, a line of standard output with the name, and the address of the page
-    of whoever runs it; a new one of the latter for each line of standard input. Arguments and
-    errors as of ``StudyServer``. study: or a function that makes it, which is called once the links
-    of these ``people`` are printed. What it raises is raised.
+    It prints each person's name and link on a line of standard output, and the address of the page
+    of the person who runs the study. For each line of standard input it prints a new address of
+    that page.
+
+    ``study`` may also be a function that makes it, which is called once the links of these
+    ``people`` are printed. Its errors are raised. Other arguments and errors are those of
+    ``StudyServer``.
     """
     with (
         suppress(KeyboardInterrupt),  # a second one, while the first one is heeded

@@ -33,12 +33,12 @@ class PageServer(Closing):
     """A server of pages, in a thread of its own, from ``serve_app`` until ``close``.
 
     host: the address, or a name of it, on which to listen. Only this machine can reach 127.0.0.1,
-    ::1 and localhost; any other one asks for ``let_others_in=True``, and is not encrypted: who can
-    read the network can read the answers, and take part. port: 0 takes a free one.
+    ::1 and localhost. Any other address needs ``let_others_in=True``, and is not encrypted: anybody
+    who can read the network can read the answers, and take part. port: 0 takes a free one.
 
-    Raises ModuleNotFoundError, with the command to install it, where a package of the extra is
-    missing; ValueError for an address that lets others in, or is none to open; OSError where the
-    port is in use.
+    Raises ModuleNotFoundError, with the command to install it, if a package of the extra is
+    missing. Raises ValueError for an address that lets others in, or cannot be opened, and OSError
+    if the port is in use.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class PageServer(Closing):
             raise with_advice(error) from None
         self._listening = _listening(host, port, let_others_in)
         self.port: int = self._listening.getsockname()[1]
-        """Where it listens."""
+        """The port on which the server listens."""
         name = f"[{host}]" if ":" in host else host
         names = {name, "localhost", "127.0.0.1", "[::1]"}
         ports = {
@@ -60,7 +60,7 @@ class PageServer(Closing):
             *([""] if self.port == _HTTP else []),
         }  # browsers leave that one out
         self.hosts = frozenset(each.lower() + end for each in names for end in ports)
-        """The names by which it may be called, in lower case and with the port."""
+        """The names by which the server may be called, in lower case and with the port."""
         self.origin = f"http://{name}:{self.port}"
         """The beginning of every address."""
 
@@ -77,7 +77,7 @@ class PageServer(Closing):
             ws="none",
             lifespan="off",
             log_config=None,
-            log_level="critical",  # below it says what is wrong with what strangers send
+            log_level="critical",  # lower levels report errors in strangers' requests
             access_log=False,
             proxy_headers=False,
             server_header=False,
@@ -105,9 +105,9 @@ class PageServer(Closing):
 class WebServer(PageServer):
     """The page of a session, served by a thread of its own from now until ``close``.
 
-    Arguments and errors as of ``PageServer``. Several servers must not share a session, which stays
-    open. session: None if it is not there yet. The page then says that the program gets ready,
-    until ``begin``.
+    session: None if it is not made yet. The page then says that the program gets ready, until
+    ``begin``. Several servers must not share a session. Closing the server does not close the
+    session. Other arguments and errors are those of ``PageServer``.
     """
 
     def __init__(
@@ -129,12 +129,12 @@ class WebServer(PageServer):
         self.serve_app(application(self._interview or self._stand_in, self._door))
 
     def begin(self, session: Session) -> None:
-        """Serve the page of this session, once, if there was none before."""
+        """Serve the page of this session, if None was given in its place before."""
         self._interview = Interview(session, self._subject)
         self._stand_in.give_way(self._interview)
 
     def new_address(self) -> str:
-        """An address that lets in one browser, once; the one before does not any more."""
+        """Return an address that lets in one browser, once. The one before it no longer works."""
         return f"{self.origin}/?token={self._door.new_token()}"
 
     def close(self) -> None:
@@ -154,9 +154,11 @@ def serve(
 ) -> None:
     """Serve the page of a session until Ctrl+C.
 
-    Prints the address, a line of standard output, and a new one for each line of standard input:
-    each lets in one browser, once. Arguments and errors as of ``WebServer``. session: or a function
-    that makes it, which is called once the address is printed. What it raises is raised.
+    It prints the address on a line of standard output, and a new address for each line of standard
+    input. Each address lets in one browser, once.
+
+    session: or a function that makes it, which is called once the address is printed. Its errors
+    are raised. Other arguments and errors are those of ``WebServer``.
     """
     there = session if isinstance(session, Session) else None
     with (
@@ -180,7 +182,7 @@ def serve(
 
 
 def lines_entered() -> Iterator[str]:
-    """The lines of standard input, if there is one."""
+    """Yield the lines of standard input, if there is one."""
     if hasattr(signal, "SIGTTIN") and threading.current_thread() is threading.main_thread():
         signal.signal(
             signal.SIGTTIN, signal.SIG_IGN
@@ -191,7 +193,7 @@ def lines_entered() -> Iterator[str]:
 
 
 def _listening(host: str, port: int, let_others_in: bool) -> socket.socket:
-    """A socket that listens. Raises ValueError and OSError."""
+    """Return a socket that listens. Raises ValueError and OSError."""
     try:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
     except OSError as error:

@@ -1,8 +1,8 @@
-"""The page as an ASGI application: who is let in, what is served, and how an error is said.
+"""The page as an ASGI application: access control, files, messages, and errors.
 
-Whoever opens the address with the launch token gets a cookie; without it there is nothing. What a
-browser says of where a request comes from must fit too, so that no other page that it has open can
-use the cookie.
+Opening the address with the launch token gives a browser a cookie. Requests without the cookie get
+nothing. What the browser says about the origin of a request must fit too, so that another open page
+cannot use the cookie.
 """
 
 import asyncio
@@ -54,7 +54,7 @@ NOT_LET_IN = (
     "computer, press Enter in its terminal, and open the address that it prints then."
 )
 _CLOSED_STYLE = "closed.css"
-"""The one file that everybody may read: the looks of the page for whoever is not let in."""
+"""The only file that everybody may read: the style of the page for people who are refused."""
 _LOOKS = b"\n".join((PAGE / name).read_bytes() for name in ("style.css", "page.css"))
 _CLOSED_DOOR = f"""<!doctype html>
 <html lang="en">
@@ -101,15 +101,16 @@ _WHY = (
     "again with the same command. All answers are kept."
 )
 _DAYS = 30
-"""How long a browser stays let in, also if it is closed meanwhile: people are told to come back."""
+"""Days for which a browser stays let in, even if it is closed meanwhile: people are told to come
+back."""
 
 _log = logging.getLogger(__name__)
 
 
 class Impatient(H11Protocol):
-    """HTTP/1.1, but a connection that has brought no request after some seconds is closed.
+    """HTTP/1.1 that closes a connection without any request after some seconds.
 
-    Later ones need no such limit: a refused request ends its connection.
+    Later requests need no such limit: a refused request ends its connection.
     """
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
@@ -123,12 +124,12 @@ class Impatient(H11Protocol):
 
 
 class Door:
-    """The browsers that are let in: the valid launch token, and the cookie for it.
+    """Access to a page: the valid launch token, and the cookie that it gives.
 
     port: names the cookie, because a browser sends a host's cookies to all its ports. hosts: the
-    names, in lower case and with their ports, by which the page may be called. path: that of the
-    page, for which alone the cookie is sent. advice: a sentence on how to get in, for whoever is
-    not let in. why: further sentences to them.
+    names, in lower case and with their ports, by which the page may be called. path: the path of
+    the page, to which alone the cookie is sent. advice: a sentence on how to get in, for people who
+    are refused. why: further sentences to them.
     """
 
     def __init__(
@@ -155,9 +156,9 @@ class Door:
         return self._token
 
     def new_token(self, shut_out: bool = False) -> str:
-        """A token that works once; the one before does not any more.
+        """Return a new token that works once. The token before it no longer works.
 
-        shut_out: the browsers that were let in before are not any more either.
+        With ``shut_out``, the browsers that were let in before are refused from now on.
         """
         with self._lock:
             if shut_out:
@@ -176,7 +177,7 @@ class Door:
     def knows(self, request: Request) -> bool:
         """Return whether a request has the cookie.
 
-        Another program on this host may have set one of the same name.
+        It may have several of the same name, since another program on this host may have set one.
         """
         pairs = (
             pair.partition("=")
@@ -191,9 +192,10 @@ class Door:
 
 
 def application(interview: Takes, door: Door, start: str = "page.html") -> ASGIApp:
-    """Return the page, and ``POST /api``, which takes a message and replies.
+    """Return the page as an application, with ``POST /api``, which takes a message and replies.
 
-    The message is for the interview; both ways it is JSON. start: the file of the page at "/".
+    Messages are for the interview. Messages and replies are JSON. start: the file of the page at
+    "/".
     """
     at_once = CapacityLimiter(_AT_ONCE)
 
@@ -210,7 +212,7 @@ def application(interview: Takes, door: Door, start: str = "page.html") -> ASGIA
 
 
 class _Guarded:
-    """Refuses requests that are not the person's, and puts the headers on every response."""
+    """Middleware that refuses requests that are not the person's, and sets headers on responses."""
 
     def __init__(self, app: ASGIApp, door: Door) -> None:
         self._app, self._door = app, door
@@ -233,9 +235,9 @@ class _Guarded:
             raise
 
     def _elsewhere(self, request: Request) -> Response | None:
-        """Return the refusal of what a browser sends for another page.
+        """Return the refusal of a request that a browser sends for another page, or None.
 
-        That is to another name (which now means this machine), or from another origin.
+        Such a request is to another name (which now means this machine), or from another origin.
         """
         called = [host.lower() for host in request.headers.getlist("host")]
         if len(called) != 1 or called[0] not in self._door.hosts:
@@ -244,7 +246,7 @@ class _Guarded:
             )
         origins, site = request.headers.getlist("origin"), request.headers.get("sec-fetch-site")
         to_read = request.method in ("GET", "HEAD")
-        # followed from elsewhere, or typed; SameSite=Strict says what it may see
+        # a link followed from elsewhere, or typed; SameSite=Strict limits what it sees
         visit = (
             to_read
             and request.scope["path"] == "/"
@@ -258,7 +260,7 @@ class _Guarded:
         return None
 
     def _stranger(self, request: Request) -> Response | None:
-        """The way in, or the refusal of what comes without the cookie."""
+        """Return the response to a request without the cookie: the way in, or a refusal."""
         known = self._door.knows(request)
         path, tokens = request.scope["path"], request.query_params.getlist("token")
         if tokens and path == "/" and request.method == "GET":
@@ -320,9 +322,9 @@ async def _message(request: Request) -> dict[str, Any]:
 
 
 async def _reply(interview: Takes, message: dict[str, Any], at_once: CapacityLimiter) -> Response:
-    """Return the interview's reply, computed beside, so that others need not wait.
+    """Return the interview's reply, computed in a thread, so that other requests need not wait.
 
-    If something went wrong it says what, without a word of what was answered.
+    After an error the reply says what went wrong, without any word of the answers.
     """
     try:
         reply = await to_thread.run_sync(_handled, interview, message, limiter=at_once)
@@ -364,7 +366,7 @@ async def _reply(interview: Takes, message: dict[str, Any], at_once: CapacityLim
 
 
 def _handled(interview: Takes, message: dict[str, Any]) -> dict[str, Any]:
-    """Return the interview's reply. All that it raises is an Exception, which is then reported."""
+    """Return the interview's reply. All that it raises becomes an Exception, to be reported."""
     try:
         return interview.handle(message)
     except Exception:
@@ -374,7 +376,7 @@ def _handled(interview: Takes, message: dict[str, Any]) -> dict[str, Any]:
 
 
 def _file(name: str) -> Response:
-    """A file of the page, which must be one of those that lie there."""
+    """Return a file of the page, which must be one of those in its folder."""
     for path in PAGE.iterdir():
         if path.name == name and path.suffix in _TYPES:
             return Response(path.read_bytes(), media_type=_TYPES[path.suffix])
@@ -387,7 +389,7 @@ async def _refused(request: Request, error: Exception) -> Response:
 
 
 def _error(status: int, text: str, headers: Any = None, saved: bool = False) -> Response:
-    """Return an error in words; ``saved``: what was sent is, or may be, saved all the same."""
+    """Return an error in words; ``saved``: what was sent is, or may be, saved nevertheless."""
     told = {"error": text, **({"saved": True} if saved else {})}
     return Response(json.dumps(told), status, headers, "application/json")
 

@@ -1,8 +1,8 @@
-"""The widget: an interview in a notebook, drawn by the front end of the page.
+"""The widget: an interview in a notebook, drawn by the same front end as the page.
 
-The front end sends custom messages ``{"id": ..., "message": {...}}``; to each comes ``{"id": ...,
-"reply": {...}}`` or ``{"id": ..., "error": "a sentence"}``, with the same id. Messages and replies
-are those of ``interview``. They are taken by the kernel one at a time, between cells: while a cell
+The front end sends custom messages ``{"id": ..., "message": {...}}``. The reply to each is ``{"id":
+..., "reply": {...}}`` or ``{"id": ..., "error": "a sentence"}``, with the same id. Messages and
+replies are those of ``interview``. The kernel takes them one at a time, between cells: while a cell
 runs, a question waits.
 """
 
@@ -74,11 +74,11 @@ export default {
 class InterviewWidget(AnyWidget):  # type: ignore[misc, unused-ignore]  # ipywidgets are untyped
     """A session with a person, in a notebook: put it last in a cell.
 
-    Each time it is displayed is another window of the same interview. What was answered is in the
-    session at once: ``session.result()`` may follow in any later cell.
+    Displaying it again opens another window of the same interview. Answers are in the session at
+    once: ``session.result()`` may follow in any later cell.
 
-    session: what asks, and keeps the answers; subject: how to speak of it. Needs the extra
-    ``widget``.
+    session: the session, which asks and keeps the answers. subject: the words of the interview.
+    Needs the extra ``widget``.
     """
 
     _esm = (_PAGE / "interview.js").read_text(encoding="utf-8") + _GLUE
@@ -93,7 +93,7 @@ class InterviewWidget(AnyWidget):  # type: ignore[misc, unused-ignore]  # ipywid
         self.on_msg(self._take)
 
     def close(self) -> None:
-        """Take the widget away from all windows; the session stays open."""
+        """Remove the widget from all windows. The session stays open."""
         self._interview.close()
         super().close()
 
@@ -109,7 +109,7 @@ class InterviewWidget(AnyWidget):  # type: ignore[misc, unused-ignore]  # ipywid
         except (
             ValueError,
             OSError,
-        ) as error:  # what a session or its log raises: the same may be sent again
+        ) as error:  # a session's or log's error: the message may be sent again
             said = {"error": in_words(error)}
         except Exception as error:
             self.send({"id": content["id"], "error": f"{type(error).__name__}: {error}"})

@@ -1,5 +1,5 @@
-"""A study: several people answer about one subject, each in a session of their own.
+"""A study: several people answer about the same subject, each in a session of their own.
 
-``study`` holds their interviews, and says where each stands and how far they agree. ``report`` is
-the page that whoever runs the study keeps.
+``study`` holds their interviews, and reports their progress and agreement. ``report`` is the page
+that the person who runs the study keeps.
 """

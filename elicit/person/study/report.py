@@ -61,14 +61,14 @@ class PersonFound:
 
 @dataclass(frozen=True)
 class FollowingTable:
-    """Losses of people who follow another's policy or choice.
+    """A table of each person's loss from following another's policy or choice.
 
     Attributes
     ----------
     rows, columns : sequence of str
-        Those who lose, and those who are followed.
+        The people who lose, and the people who are followed.
     losses, bounds : sequence of sequence of float
-        Shares of the value range, by the best guesses and at most.
+        Losses by the best guesses, and upper bounds, as shares of the value range.
     note : str
         Sentences on what the numbers are.
     """
@@ -99,7 +99,7 @@ def study_page(
     agreed : mapping
         The reply to ``agreement`` (see ``study``).
     following : FollowingTable, optional
-        None if it cannot be said what following another costs.
+        None if the cost of following another cannot be computed.
     details : ReportDetails
 
     Returns
@@ -141,7 +141,7 @@ def study_page(
 
 
 def _in_short(agreed: Mapping[str, Any], following: FollowingTable | None) -> Iterator[str]:
-    """Return the two sentences that matter most: groups, and the greatest cost of the mean's."""
+    """Return the two most important sentences: groups, and the greatest loss by the mean policy."""
     if agreed["few"]:
         yield f'<p class="headline">{escaped(agreed["few"])}</p>'
         return
@@ -246,7 +246,7 @@ def _following(found: FollowingTable | None) -> Iterator[str]:
 
 
 def _told(one: PersonFound) -> Iterator[str]:
-    """Return a person's result in words, and their answers that contradict each other."""
+    """Return a person's result in words, with their answers that contradict each other."""
     end = one.end
     yield f'<p><span class="mark">{escaped(one.who)}</span>: {escaped(counted(end["counts"]))}</p>'
     said = [end[part] for part in ("headline", "caution", "sure", "before") if end.get(part)]

@@ -1,7 +1,7 @@
-"""Several people's interviews about one subject, and what whoever runs them sees.
+"""Several people's interviews about the same subject, and the messages of the person who runs them.
 
-Nobody's interview knows of another's. Whoever runs the study sends messages of its own, which are
-JSON as those of ``elicit.person.interview``. Every message is ``{"do": ...}``:
+Interviews know nothing of each other. The person who runs the study sends messages of their own,
+which are JSON as those of ``elicit.person.interview``. Every message is ``{"do": ...}``:
 
 ``state``
     The reply has ``title``, ``ended``, ``facts`` (pairs), ``report`` (how to make the report) and
@@ -46,7 +46,7 @@ _STATES = {
 
 
 class Study(Closing):
-    """Interviews of several people about one subject. ``close`` ends them; sessions stay open.
+    """Interviews of several people about the same subject. ``close`` ends them; sessions stay open.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class Study(Closing):
     Raises
     ------
     ValueError
-        If there is nobody, or two people share a log or look alike.
+        If there is nobody, or two people share a log or have names that look alike.
     """
 
     def __init__(self, sessions: Mapping[str, Session], subject: Subject, report: str = "") -> None:
@@ -85,7 +85,7 @@ class Study(Closing):
         return tuple(self.interviews)
 
     def handle(self, message: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the reply to a message of whoever runs the study.
+        """Return the reply to a message of the person who runs the study.
 
         Raises
         ------
@@ -154,13 +154,13 @@ class Study(Closing):
             return reply
 
     def end(self) -> None:
-        """End the study: once this returns, no more answers are taken, nor logged."""
+        """End the study. After this returns, no more answers are taken or logged."""
         self.ended = True
         for interview in self.interviews.values():
             interview.take_no_more(_ENDED)
 
     def close(self) -> None:
-        """End what is computed in the background."""
+        """End all background computation."""
         self._company.close()
         for interview in self.interviews.values():
             interview.close()
@@ -244,7 +244,7 @@ def _groups(found: Agreement) -> list[str]:
 
 
 def _state(now: Progress, ended: bool) -> str:
-    """Return in a few words where a person is, or was when the study ended."""
+    """Return the state of a person's session in a few words, for example when the study ended."""
     if ended and not now.answered:
         return "ended before the first answer"
     if ended and now.stage not in (None, "end"):

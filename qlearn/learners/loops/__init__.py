@@ -1,4 +1,4 @@
-"""Compiled loops of the learners, and the pair step that they share.
+"""Compiled loops of the learners, and the comparison of two actions that all loops share.
 
-A loop runs until only Python, a proof or the tutor can tell.
+A loop runs until it is done or meets a comparison that only Python or the tutor can decide.
 """

@@ -1,21 +1,20 @@
-"""The pair step of every compiled loop: a pair's difference, its verdict, and a record of both.
+"""The comparison of two actions in every compiled loop: difference, verdict, and a record of it.
 
-``without_proof`` and ``decide_action_pair`` are that step, for ``q_learning_kernel.advance``
-and ``state_sweep_kernel.sweep``. The compiler inlines both into these loops
-(``jit.written_out``). The loops hold some sixty arrays, and passing them in a call would take
-longer than most verdicts.
+``without_proof`` and ``decide_action_pair`` do it, for ``q_learning_kernel.advance`` and
+``state_sweep_kernel.sweep``. The compiler inlines both into these loops (``jit.written_out``). The
+loops hold some sixty arrays, and passing them in a call would take longer than most verdicts.
 
-Many comparisons differ little from an earlier one: they are of the same two actions, whose vectors
-have moved since. So a verdict that took a proof leaves a *certificate*: a vector f with f.g >= 0
-for the gaps g of every plausible scale. Gaps are not negative. So if a difference has tail sums
-t >= f, entry by entry, then t.g >= f.g >= 0, and it has the same verdict. If the verdict is WORSE,
--t takes the place of t. Comparing k - 1 numbers takes a tenth of the time of a proof.
+Many comparisons are nearly the same as an earlier one: of the same two actions, whose vectors have
+moved a little since. So a verdict that took a proof leaves a *certificate*: a vector f with f.g >=
+0 for the gaps g of every plausible scale. Gaps are not negative. So if a difference has tail sums t
+>= f, entry by entry, then t.g >= f.g >= 0, and it has the same verdict. If the verdict is WORSE, -t
+takes the place of t. Comparing k - 1 numbers takes a tenth of the time of a proof.
 
 A verdict by the weight of drawn scales leaves a certificate too. Then t >= f means that enough of
 the draws still give the sign of the verdict.
 
-A certificate holds while the answers stay the same. One that was proven of all scales that fit the
-answers holds for ever, because further answers only remove scales
+A certificate holds while the answers stay the same. If it was proven for all scales that fit the
+answers, it holds for ever, because further answers only remove scales
 (``elicit.decision.comparator_rule.outlasts_answers``).
 """
 
@@ -69,9 +68,9 @@ NO_TIER = -1  # the tier of a pair that is not decided yet
 
 
 class Certificates(NamedTuple):
-    """The last certificate of each pair of state and action, row s*A + a.
+    """The last certificate of each pair of state and action, in row s*A + a.
 
-    ``verdicts`` is 0 where there is none.
+    ``verdicts`` is 0 if there is none.
     """
 
     least: NDArray[np.floating[Any]]  # (n, p) f, of the tail sums times the verdict
@@ -80,7 +79,7 @@ class Certificates(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """Comparisons kept for a watcher. If there is no watcher, c = 0."""
+    """Buffer of comparisons for a watcher. Without a watcher it has no room (c = 0)."""
 
     d: Floats  # (c, k)
     verdicts: NDArray[np.int8]  # (c,)
@@ -89,9 +88,9 @@ class Kept(NamedTuple):
 
 
 class Told(NamedTuple):
-    """Answers that a tutor has given within a loop, until the elicitation takes them.
+    """Buffer of answers that a tutor has given within a loop, until the elicitation takes them.
 
-    There is no room for any if Python has to ask the tutor.
+    It is empty, with no room, if only Python can ask the tutor.
     """
 
     vectors: Floats  # (c, 2, k) left and right
@@ -104,7 +103,7 @@ class Told(NamedTuple):
 
 
 class DecidingArrays(NamedTuple):
-    """The arrays that a loop decides a pair by."""
+    """All arrays by which a loop decides a pair."""
 
     rule: Rule
     asking: AskingState
@@ -117,17 +116,17 @@ class DecidingArrays(NamedTuple):
 
 @runtime_checkable
 class AnswersInLoops(Protocol):
-    """A tutor that can also be had as plain arrays."""
+    """A simulated tutor that is also available as plain arrays."""
 
     @property
     def respondent(self) -> Respondent:
-        """The arrays, to be asked for anew whenever they have left an answer LEFT_OPEN."""
+        """Return the arrays. Ask for them again whenever they have left an answer LEFT_OPEN."""
 
 
 class PairDecider:
-    """An elicitation as a compiled loop sees it.
+    """An elicitation as compiled loops use it.
 
-    It also has the loop's certificates, and the comparisons that are kept for a watcher.
+    It also holds the loop's certificates, and the comparisons that are kept for a watcher.
     """
 
     def __init__(
@@ -156,7 +155,7 @@ class PairDecider:
         )
 
     def arrays(self, rule: Rule) -> DecidingArrays:
-        """Return the arrays by which pairs are decided now, with this rule."""
+        """Return the arrays by which pairs are decided now, with this rule of the comparator."""
         elicitation, oracle = self._elicitation, nobody()
         asks_all = isinstance(elicitation.comparator, AlwaysAsk)
         if asks_all and isinstance(elicitation.signs, MethodType):
@@ -173,9 +172,9 @@ class PairDecider:
         )
 
     def _tutor(self, rule: Rule) -> Respondent:
-        """Return the respondent to ask within the loop, and make room for the answers.
+        """Return the tutor to ask within the loop, as arrays, and make room for the answers.
 
-        No answer is entered in a rule that lacks what was proven since the loop took it.
+        The loop may add answers to the rule only if the rule holds all that was proven so far.
         """
         elicitation = self._elicitation
         respondent = nobody() if self.tutor is None else self.tutor.respondent
@@ -187,10 +186,10 @@ class PairDecider:
         return respondent
 
     def enter(self, tiers: NDArray[np.int64], rule: Rule | None = None) -> bool:
-        """Count a loop's comparisons (len(Tier),), and hand over what it has recorded.
+        """Count a loop's comparisons, (len(Tier),) by tier, and pass on what it has recorded.
 
-        The elicitation takes the tutor's answers, which the loop has entered in ``rule`` if there
-        was room in it. The watcher gets the comparisons. Return whether there were any answers.
+        The elicitation takes the tutor's answers, which the loop has added to ``rule`` if there was
+        room. The watcher gets the comparisons. Return whether there were any answers.
         """
         elicitation, kept = self._elicitation, self._watched
         elicitation.counts += tiers
@@ -207,8 +206,8 @@ class PairDecider:
     def take_told(self, rule: Rule | None = None) -> bool:
         """Have the elicitation take the answers given within the loop.
 
-        An interruption may have left some behind, without the rule that they were entered in.
-        Return whether there were any.
+        An interruption may have left answers without the rule to which they were added. Return
+        whether there were any answers.
         """
         told = self._told
         n = int(told.fill[USED])
@@ -221,14 +220,14 @@ class PairDecider:
         return n > 0
 
     def answer(self, left: Floats, right: Floats) -> Verdict | None:
-        """Ask the tutor about vectors left and right (k,), and let the elicitation learn it.
+        """Ask the tutor about vectors left and right (k,), and have the elicitation learn it.
 
         Return None, with nothing changed, unless a truthful tutor can be asked within the loop.
         Then the pair has to be asked and told as usual.
         """
         tutor = None if self.tutor is None else self.tutor.respondent
         if tutor is None or tutor.kind != TRUTHFUL:
-            return None  # a tutor who errs would err anew when asked again as usual
+            return None  # an erring tutor might answer differently when asked again as usual
         said = respond(np.ascontiguousarray(tail_sums(left - right)), tutor)
         if said == LEFT_OPEN:
             return None
@@ -239,7 +238,7 @@ class PairDecider:
         return Verdict(said)
 
     def take_answers(self) -> None:
-        """Delete the certificates after an answer, unless they were proven."""
+        """Delete the certificates after an answer, unless they were proven for ever."""
         if not outlasts_answers(rule_of(self._elicitation.comparator)):
             self.certificates.verdicts[:] = 0
 
@@ -248,11 +247,11 @@ class PairDecider:
 def without_proof(
     verdict: int, row: int, t: Any, dominance: bool, plain: bool, certificates: Certificates
 ) -> tuple[int, int]:
-    """Decide a pair with tail sums t (p,) if that takes no proof. Return verdict and tier.
+    """Decide a pair with tail sums t (p,) by what needs no proof. Return verdict and tier.
 
-    It goes by the verdict of eq. (4), which ``difference`` returns, or by the row's certificate. If
-    the tier is NO_TIER, the oracle has to go on if there is one, and otherwise
-    ``decide_action_pair``.
+    That is the verdict by dominance (``verdict``, from ``difference``), or the certificate in
+    ``row``. The tier is NO_TIER if neither decides. The caller then asks the oracle, if there is
+    one, or calls ``decide_action_pair``.
     """
     limits, sides, tiers = certificates
     tier = NO_TIER
@@ -269,11 +268,11 @@ def without_proof(
 def decide_action_pair(
     q: Any, s: int, a: int, b: int, row: int, d: Any, t: Any, deciding: DecidingArrays
 ) -> tuple[int, int]:
-    """Decide a pair of actions that ``without_proof`` has left open. Return verdict and tier.
+    """Decide a pair of actions that ``without_proof`` has not decided. Return verdict and tier.
 
-    It goes by the comparator's rule, and by the tutor who can be asked within the loop. UNKNOWN is
-    for Python to ask, and LEFT_OPEN for the elicitation to decide. If the tier is NO_TIER, hand
-    over the stored comparisons, then call again. t is overwritten unless the tutor gives the
+    It uses the comparator's rule, and a tutor who can be asked within the loop. UNKNOWN means that
+    Python has to ask, and LEFT_OPEN that the elicitation has to decide. If the tier is NO_TIER,
+    pass on the stored comparisons, then call again. t is overwritten unless the tutor gives the
     verdict.
     """
     sums, least = np.empty(len(t)), np.empty(len(t))
@@ -289,7 +288,7 @@ def decide_action_pair(
 def difference(q: Any, s: int, a: int, b: int, d: Any, t: Any) -> int:
     """Write Q(s, a) - Q(s, b) of q (S, A, k) into d (k,), and its tail sums into t (p,).
 
-    Return their verdict by eq. (4).
+    Return the verdict by dominance.
     """
     # no views of rows of q: counting references to it would take as long as all the sums
     total, least, greatest = -0.0, 0.0, 0.0
@@ -306,10 +305,10 @@ def difference(q: Any, s: int, a: int, b: int, d: Any, t: Any) -> int:
 def certify(
     found: PairDecision, least: Any, row: int, certificates: Certificates
 ) -> tuple[int, int]:
-    """Return verdict and tier of a decision by ``decide_pair``, and enter its certificate.
+    """Return verdict and tier of a decision ``found`` by ``decide_pair``; store its certificate.
 
-    An audit becomes LEFT_OPEN, because Python has to see to it. If there is a certificate in
-    ``least`` (p,), it is the row's from now on.
+    An audit becomes LEFT_OPEN, because Python has to make it. If there is a certificate in
+    ``least`` (p,), it replaces the row's.
     """
     verdict, tier = found.verdict, found.tier
     if verdict == UNKNOWN and tier != BY_TUTOR:
@@ -326,20 +325,20 @@ def certify(
 
 @compiled
 def full(used: Any, room: int, fill: Any) -> bool:
-    """Return whether comparisons or answers must be handed over before another pair is decided.
+    """Return whether comparisons or answers must be passed on before another pair is decided.
 
-    There may be no room for more, or the comparator may have learned something. ``used`` (1,) of
-    ``room`` comparisons are kept, and ``fill`` is that of ``Told``.
+    The reason may be that there is no room for more, or that the comparator may have learned
+    something. ``used`` (1,) of ``room`` comparisons are kept. ``fill`` is that of ``Told``.
     """
     return bool((used[0] == room and room > 0) or (fill[USED] > 0 and fill[USED] == fill[ROOM]))
 
 
 @compiled
 def put(q: Any, s: int, a: int, b: int, t: Any, deciding: DecidingArrays) -> tuple[int, int]:
-    """Ask the tutor about an open pair with tail sums t (p,). Return verdict and tier.
+    """Ask the tutor about an undecided pair with tail sums t (p,). Return verdict and tier.
 
     UNKNOWN means that Python has to ask. LEFT_OPEN and NO_TIER mean that the kept comparisons must
-    be handed over first, because a watcher may want to know which were decided before the tutor's
+    be passed on first, because a watcher may want to know which were decided before the tutor's
     first error. There must be room for an answer.
     """
     kept, tutor, told = deciding.kept, deciding.tutor, deciding.told
@@ -357,16 +356,16 @@ def put(q: Any, s: int, a: int, b: int, t: Any, deciding: DecidingArrays) -> tup
     if verdict == LEFT_OPEN:
         return UNKNOWN, BY_TUTOR
     record(q, s, a, b, t, verdict, told)
-    if verdict == EQUAL:  # this answer is binding, so that the rule to ask by must be made anew
+    if verdict == EQUAL:  # this answer is binding: the rule must be made again
         told.fill[ROOM] = told.fill[USED]
     return verdict, BY_TUTOR
 
 
 @compiled
 def told_before(t: Any, told: Told) -> int:
-    """Return the verdict of an answer within the loop to a pair with tail sums t (p,), or UNKNOWN.
+    """Return the verdict on a pair if the tutor gave it earlier in this run of the loop.
 
-    The pair may stand the other way round.
+    Otherwise return UNKNOWN. The pair has tail sums t (p,), and may be flipped.
     """
     mark, near = mark_of(t), near_to(t)
     reach = marks_within(near, len(t))
@@ -379,7 +378,7 @@ def told_before(t: Any, told: Told) -> int:
 
 @compiled
 def record(q: Any, s: int, a: int, b: int, t: Any, verdict: int, told: Told) -> None:
-    """Record an answer on a pair of actions with tail sums t (p,). There must be room."""
+    """Record an answer about a pair of actions with tail sums t (p,). There must be room."""
     row = told.fill[USED]
     for j in range(q.shape[2]):
         told.vectors[row, 0, j] = q[s, a, j]
@@ -394,11 +393,11 @@ def record(q: Any, s: int, a: int, b: int, t: Any, verdict: int, told: Told) -> 
 def learn_pair(
     q: Any, s: int, a: int, b: int, d: Any, t: Any, deciding: DecidingArrays
 ) -> tuple[int, int, Known]:
-    """Ask the tutor about an open pair, and enter the answer in the proofs of the rule.
+    """Ask the tutor about an undecided pair, and add the answer to the proofs of the rule.
 
     Return verdict and tier, and the facts about K_t from now on. UNKNOWN means that only Python can
-    ask, or take the answer in: nothing has changed then. There must be room in the rule. The
-    pair's difference is written into d (k,), and its tail sums into t (p,).
+    ask, or learn the answer. Nothing has changed then. There must be room in the rule. The pair's
+    difference is written into d (k,), and its tail sums into t (p,).
     """
     known, tutor, told = deciding.rule.known, deciding.tutor, deciding.told
     difference(q, s, a, b, d, t)
@@ -424,7 +423,7 @@ def learn_pair(
 
 @compiled
 def round_up(numbers: Any, into: Any) -> None:
-    """Copy numbers to an array that may be of half precision, so that none becomes less."""
+    """Copy numbers into an array that may be of half precision, rounding up."""
     for j in range(len(numbers)):
         number = max(numbers[j], -1e38)
         into[j] = number
@@ -434,7 +433,7 @@ def round_up(numbers: Any, into: Any) -> None:
 
 @compiled
 def keep(d: Any, verdict: int, tier: int, kept: Kept) -> None:
-    """Store a comparison. There must be room."""
+    """Store a comparison for the watcher. There must be room."""
     i = kept.used[0]
     for j in range(len(d)):
         kept.d[i, j] = d[j]

@@ -1,7 +1,7 @@
-"""The Q-learning loop as arrays and a cursor.
+"""The Q-learning loop in compiled code: arrays and a cursor.
 
-It runs until it is done or meets a pair that it cannot decide. The cursor says where the loop
-stands, if need be in the middle of a step's comparisons. Calling again with a verdict goes on from
+The loop runs until it is done or meets a pair that it cannot decide. The cursor says where it
+stands, perhaps in the middle of a step's comparisons. Calling it again with a verdict goes on from
 there. Random numbers are a hash of (key, purpose, counters): see ``elicit._support.hashing.fold``.
 """
 
@@ -47,7 +47,7 @@ IDLE = -1  # POSITION between two steps
 
 
 class Model(NamedTuple):
-    """The MDP and the settings, as the loop reads them."""
+    """The MDP and the settings, as arrays that the loop reads."""
 
     successors: NDArray[np.int64]  # (S, A, b)
     cumulative: NDArray[np.float64]  # (S, A, b) running sums of the probabilities
@@ -64,12 +64,12 @@ class Model(NamedTuple):
     key: Any  # np.uint64
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Model:
-        """Return itself, so that a copied learner is not compiled for anew."""
+        """Return the same object, so that a copied learner needs no new compilation."""
         return self
 
 
 class State(NamedTuple):
-    """The arrays that the loop changes."""
+    """The arrays of a run that the loop changes."""
 
     q: NDArray[np.float64]  # (S, A, k) shares
     best: NDArray[np.int64]  # (S,) B(s)
@@ -80,9 +80,9 @@ class State(NamedTuple):
 
 @compiled
 def draw(cumulative: Any, u: float) -> int:
-    """Return the first index whose running sum exceeds u.
+    """Return the first index whose running sum of probabilities exceeds u.
 
-    If rounding hides it, it is the last index with any probability.
+    If rounding leaves none, it is the last index with a probability above 0.
     """
     below = cumulative[-1] * (1.0 - 2.0**-53)  # the greatest number less than the total
     return int(np.searchsorted(cumulative, min(u, below), side="right"))
@@ -90,12 +90,12 @@ def draw(cumulative: Any, u: float) -> int:
 
 @compiled
 def advance(state: State, model: Model, verdict: int, deciding: DecidingArrays) -> int:
-    """Run Algorithm 1 from the cursor on.
+    """Run the paper's Algorithm 1 from the cursor on.
 
-    ``verdict`` decides the pair at the cursor (UNKNOWN: none yet). Comparisons are kept unless
-    equality or dominance decided them.
+    ``verdict`` decides the pair at the cursor (UNKNOWN: none yet). Comparisons are kept for a
+    watcher unless equality or dominance decided them.
 
-    Return DONE at the end, and FULL if what was kept must be handed over first. With the cursor at
+    Return DONE at the end, and FULL if what was kept must be passed on first. If the loop stops at
     a pair, return ASK if only the tutor can decide it, and DEFER if perhaps the elicitation can.
     """
     rule, asking, oracle, certificates, kept, _, told = deciding
@@ -153,9 +153,9 @@ def advance(state: State, model: Model, verdict: int, deciding: DecidingArrays) 
 def advance_and_ask(
     state: State, model: Model, verdict: int, deciding: DecidingArrays
 ) -> tuple[int, Known]:
-    """Run ``advance``, and have open pairs answered here as long as ``learn_pair`` can.
+    """Run ``advance``, and ask the tutor about undecided pairs as long as ``learn_pair`` can.
 
-    Return the code of ``advance``, and the facts about K_t with the answers entered in them.
+    Return the code of ``advance``, and the facts about K_t after these answers.
     """
     _, asking, oracle, certificates, kept, tutor, told = deciding
     q, best, cursor, decided = state.q, state.best, state.cursor, state.decided
@@ -183,7 +183,10 @@ def advance_and_ask(
 
 @compiled
 def learn(state: State, model: Model) -> None:
-    """Act, observe and update, lines 7 to 10 of Algorithm 1. Set the cursor to lines 11 to 15."""
+    """Act, observe and update: lines 7 to 10 of the paper's Algorithm 1.
+
+    The cursor is then at lines 11 to 15, which compare actions.
+    """
     q, best, visits, cursor = state.q, state.best, state.visits, state.cursor
     s, step = cursor[STATE], cursor[STEP]
     position = IDLE

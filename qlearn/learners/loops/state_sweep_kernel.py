@@ -1,7 +1,8 @@
-"""One sweep of value iteration on share vectors, a block of states at a time, in compiled code.
+"""A sweep of value iteration on share vectors, a block of states at a time, in compiled code.
 
-Q(s, a) of one state fits into a small scratch array, so only V is kept. If compiled code cannot
-decide a state's pair, the state waits with its cursor at that pair, while the other states go on.
+Only V is kept for all states. Q(s, a) is computed for a single state at a time, in a small array.
+Each state has a cursor: the action that is compared next. If compiled code cannot decide that
+comparison, the state waits, while the other states go on.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ class Work(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """The outcome for a list of n states."""
+    """The outcome of a sweep over n states."""
 
     best: NDArray[np.int64]  # (n,)
     cursor: NDArray[np.int32]  # (n,)
@@ -53,7 +54,7 @@ class Outcome(NamedTuple):
 
 
 def no_outcome(n: int, k: int) -> Outcome:
-    """Return an empty outcome for n states of k levels."""
+    """Return an Outcome with nothing in it yet, for n states of k levels."""
     return Outcome(
         np.empty(n, dtype=np.int64),
         np.empty(n, dtype=np.int32),
@@ -70,9 +71,9 @@ def sweep(states: Any, work: Work, model: MdpArrays, deciding: DecidingArrays, o
     Each action is compared with the best of those before it. Return the number of states reached.
     The sweep stops if there may be no room to keep the next state's comparisons.
 
-    An oracle is asked about one challenger of each state, so that all states take turns. The
-    state's code is then ANSWERED. The sweep stops behind a state for which the oracle returns
-    LEFT_OPEN.
+    If the tutor is an oracle that answers everything, it is asked about one challenger of each
+    state, so that all states take turns. The state's code is then ANSWERED. The sweep stops behind
+    a state for which the oracle returns LEFT_OPEN.
     """
     rule, asking, oracle, certificates, kept, _, _ = deciding
     keeps = len(kept.tiers) > 0

@@ -1,4 +1,4 @@
 """Rounds of policy iteration: a policy, its advantages and its loss bound.
 
-Imports from ``certificates``.
+This folder imports from ``certificates``.
 """

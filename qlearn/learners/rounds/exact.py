@@ -1,4 +1,4 @@
-"""Rounds of policy iteration that look at every state."""
+"""Rounds of policy iteration that look at every state of the MDP."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _TIE = 1e-13  # gains up to this are rounding
 
 
 class ExactRounds:
-    """Rounds for a model of up to some thousands of states.
+    """Rounds for an MDP of up to some thousands of states.
 
-    A round solves for a policy that is optimal for the central scale, takes all advantages over it,
-    and bounds its loss.
+    A round solves for a policy that is optimal for the central scale, computes all advantages over
+    it, and bounds its loss.
     """
 
     def __init__(self, mdp: OrdinalMDP, enough: float) -> None:
@@ -30,9 +30,9 @@ class ExactRounds:
         self.rounds = 0  # policies solved for so far
 
     def round(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
-        """Return the advantages that questions may be about, and the loss bound.
+        """Return the advantages that questions may be about, and the policy's loss bound.
 
-        The bound is inf if it exceeds what is enough.
+        The bound is inf if it exceeds ``enough``, the loss at which the learner stops.
         """
         values, advantages = best_guess(comparator), self._advantages
         if advantages is None or self._changes(advantages, values):
@@ -58,7 +58,7 @@ class ExactRounds:
         )
 
     def look_further(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
-        """Return the same without solving again: a round has already looked at everything."""
+        """Return the last round's result: it has already looked at everything."""
         advantages = self.everything()
         return advantages, guarantee(self._mdp, advantages, comparator, self._enough)
 

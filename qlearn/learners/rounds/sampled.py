@@ -1,4 +1,4 @@
-"""Rounds of policy iteration that look at a sample of states until it cannot refute the bound."""
+"""Rounds of policy iteration that look at a sample of states while it refutes the tolerance."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from qlearn.mdp.warm_planning import nearly_optimal, nearly_valued
 
 
 class SampledRounds:
-    """Rounds for a large model: approximate solutions, improved from the last ones."""
+    """Rounds for a large MDP, with approximate solutions, each improved from the last one."""
 
     def __init__(self, mdp: OrdinalMDP, enough: float, seed: Seed) -> None:
         self._mdp = mdp
@@ -44,9 +44,10 @@ class SampledRounds:
         self._all: Advantages | None = None
 
     def round(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
-        """Return the result of ``ExactRounds.round``.
+        """Solve approximately, and return the advantages of some states and the loss bound.
 
-        The bound may also be inf because it was not computed.
+        The bound is inf if it exceeds ``enough``, the loss at which the learner stops, or was not
+        computed.
         """
         self._asked += 1
         if (
@@ -83,7 +84,7 @@ class SampledRounds:
         return advantages_over(self._mdp, self._kept(), self._v, self._sample())
 
     def _kept(self) -> NDArray[np.int64]:
-        """Return the current policy."""
+        """Return a copy of the current policy."""
         assert self._policy is not None, "no round yet"
         return self._policy
 
@@ -91,8 +92,9 @@ class SampledRounds:
         """Find a policy for the central scale, and its value.
 
         An action of the last policy stays if it is as good as the new one. If all stay, V stays
-        too: otherwise pairs that differ by rounding only would be asked about again. With a sample
-        of states (n,), both are only good enough to choose questions about these states.
+        too: otherwise pairs that differ only by rounding would be asked about again. With a sample
+        of states (n,), policy and value are only good enough to choose questions about these
+        states.
         """
         mdp, last, little = self._mdp, self._policy, self._error
         if sample is not None:
@@ -113,10 +115,10 @@ class SampledRounds:
         return np.sort(rng.choice(n, min(n, TUNING.sample), replace=False))
 
     def _too_much(self, advantages: Advantages, comparator: Comparator) -> bool:
-        """Return whether too many draws refute the bound.
+        """Return whether too many draws show a loss above ``enough``.
 
-        A draw refutes it if some alternative, taken once, gains more than ``enough``. Then no bound
-        can be small enough, and these alternatives are the ones to ask about.
+        A draw does if some alternative action, taken once, gains more than that. Then no bound can
+        be small enough, and these actions are the ones to ask about.
         """
         draws, trusted = draws_of(comparator), drawn_set(comparator)
         scores = product(tail_sums(advantages.d), draws.gaps)
@@ -130,7 +132,7 @@ class SampledRounds:
     def look_further(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
         """Bound all advantages over a policy for the central scale.
 
-        The ones with the greatest bounds are kept for questions.
+        Those with the greatest bounds are kept for questions.
         """
         mdp, trusted = self._mdp, drawn_set(comparator)
         if self._asked:

@@ -1,6 +1,6 @@
 """Settings of policy iteration that trade questions for CPU time.
 
-Every loss bound holds with any of them.
+Loss bounds hold whatever the settings are.
 """
 
 from dataclasses import dataclass
@@ -8,16 +8,16 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Tuning:
-    """Numbers that say which advantages are looked at, and when.
+    """Numbers that determine which advantages are looked at, and when.
 
-    benchmarks/RESULTS-question-rules.md compares the rules for questions; RESULTS-scale.md and
+    benchmarks/RESULTS-question-rules.md compares the rules for questions. RESULTS-scale.md and
     RESULTS-growth.md show the time that large models take.
     """
 
     matters: float = 0.5
-    """An advantage counts for a strategy if it exceeds this part of the tolerance. In one state,
-    taken once, it then costs that much. With the least advantage that could ever matter, tolerance
-    (1 - discount), a fifth more questions were asked."""
+    """An advantage counts for a strategy if it exceeds this part of the tolerance. Taken once, in a
+    single state, it then costs that much. With the least advantage that could ever matter,
+    tolerance (1 - discount), a fifth more questions were asked."""
 
     signs: int = (
         12  # number of the best advantages to ask about whose signs a simple question should tell

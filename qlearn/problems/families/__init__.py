@@ -1,4 +1,4 @@
 """Families of problems in which a wrong guess of the scale costs much.
 
-Imports from ``mdp`` and elicit.
+This folder imports from ``mdp`` and elicit.
 """

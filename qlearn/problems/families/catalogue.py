@@ -1,4 +1,4 @@
-"""The families by name, each as a factory. A family is imported when it is first made."""
+"""The families of problems by name, with factories. A family is imported when first used."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
         """A factory of problems."""
 
         def __call__(self, seed: Seed | None = None, **size: int) -> OrdinalMDP:
-            """Return the problem of a seed, of the default size or of ``size=``."""
+            """Return the problem for a seed, of the default size or of ``size=``."""
 
 
 _MODULES = {

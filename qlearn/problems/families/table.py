@@ -1,4 +1,4 @@
-"""The table in which the families write their problems down, and their random numbers."""
+"""The table into which families of problems write transitions and levels; their random numbers."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Table:
         self._moves: list[tuple[int, int, float]] = []
 
     def write(self, state: int, action: int, level: int, *moves: tuple[int, float]) -> None:
-        """Write the level of an action, and its moves: (next state, probability), which add up."""
+        """Write an action's level and moves, (next state, probability). Equal moves add up."""
         self._levels[state, action] = level
         row = state * len(self._actions) + action
         self._moves += [(row, to, probability) for to, probability in moves if probability > 0]
@@ -66,10 +66,10 @@ class Table:
 
 
 class RandomNumbers:
-    """Random numbers of one family and seed, the same on every processor.
+    """The random numbers of a family and a seed, the same on every processor.
 
     Only sums and products follow the raw random bits: logarithms and powers differ in their last
-    bits from processor to processor. The name of the family takes part, so that one seed draws
+    bits from processor to processor. The name of the family takes part, so that the same seed draws
     other numbers for the hidden values.
     """
 

@@ -64,7 +64,7 @@ def fishery(seed: Seed | None = None, size: int = 40) -> OrdinalMDP:
 
 
 _YEARS = ((0.1, -2.0), (0.2, -1.0), (0.4, 0.0), (0.2, 1.0), (0.1, 2.0))
-"""Chances of years from very bad to very good, and how far each is from the usual."""
+"""The kinds of years, from very bad to very good: probability, and distance from a usual year."""
 
 
 def reservoir(seed: Seed | None = None, size: int = 20) -> OrdinalMDP:
@@ -132,7 +132,7 @@ def reservoir(seed: Seed | None = None, size: int = 20) -> OrdinalMDP:
 
 
 def _between(amount: float, n: int, chance: float) -> Iterator[tuple[int, float]]:
-    """Divide a chance among the two of n steps from 0 to 1 that an amount lies between."""
+    """Yield the two of n steps that an amount in 0..1 lies between, with parts of a probability."""
     place = min(amount, 1.0) * (n - 1)
     below = min(int(place), n - 2)
     yield below, chance * (1.0 - (place - below))

@@ -11,7 +11,7 @@ _MEDICAL = f"{_PERSONAL} The numbers are made up; this is not medical advice."
 
 
 def _words(unit: str, title: str, levels: str, note: str = _PERSONAL) -> Words:
-    """Return the words of a family: what is counted, and a sentence on what the levels mean."""
+    """Return a family's words: what is counted, a title, and a sentence on what the levels mean."""
     return Words(
         unit, title=title, preamble=f"{levels} Choose the {unit} you would rather see. {note}"
     )

@@ -94,6 +94,43 @@ def test_a_replay_gives_each_person_their_own_answers():
         tutor(query("new", "cher"))
 
 
+def test_a_replay_tells_people_with_the_same_query_ids_apart():
+    said = [Answer(query("q"), 1, who="ann"), Answer(query("q"), -1, who="ben")]
+    for order in (("ann", "ben"), ("ben", "ann")):
+        tutor = ReplayTutor(said)
+        found = {who: tutor(query("q", who)) for who in order}
+        assert {who: found[who].verdict for who in order} == {"ann": 1, "ben": -1}
+        assert all(found[who].who == who for who in order)
+    with pytest.raises(LookupError, match="no answer by 'cher' to query q"):
+        tutor(query("q", "cher"))
+    # a query that names nobody gets the answers of all, in the order of the log
+    tutor = ReplayTutor(said)
+    found = [tutor(query("q")) for _ in range(3)]
+    assert [(answer.verdict, answer.who) for answer in found] == [
+        (1, "ann"),
+        (-1, "ben"),
+        (-1, "ben"),
+    ]
+
+
+def test_a_replay_repeats_a_persons_own_answers():
+    said = [
+        Answer(query("q"), verdict, who=who)
+        for verdict, who in [(1, "ann"), (-1, "ben"), (0, "ann"), (1, "ben")]
+    ]
+    tutor = ReplayTutor(said)
+    asked = ["ann", "ben", "ann", "ann", "ben", "ben"]
+    assert [tutor(query("q", who)).verdict for who in asked] == [1, -1, 0, 0, 1, 1]
+
+
+def test_two_people_may_be_asked_about_other_vectors_under_one_id():
+    other = Query("q", RIGHT, LEFT, who="ben")
+    tutor = ReplayTutor([Answer(query("q"), 1, who="ann"), Answer(other, 1)])
+    assert tutor(query("q", "ann")).verdict == 1
+    flipped = tutor(query("new", "ben"))
+    assert (flipped.verdict, flipped.who, flipped.swapped) == (-1, "ben", True)
+
+
 def test_what_a_session_is_told_and_what_it_reads_again_are_the_same(path):
     def make(known):
         return choose([[0.1, 0.8, 0.1], [0.5, 0.0, 0.5]], PolytopeComparator(3), known=known)

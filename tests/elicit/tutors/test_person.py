@@ -30,11 +30,11 @@ def by_outcomes(tutor, query):
     ]
     spread = max(math.sqrt(sum(variances) / 2), 1e-4)
     logit = tutor.precision * (means[0] - means[1]) / spread
-    answers = 3 if tutor.width else 2
+    lapse = tutor.lapse * (0.99 if tutor.width else 1.0) / 2
 
     def chance(x):
         weighed = 0.0 if x < -700 else 1 / (1 + math.exp(-x))
-        return tutor.lapse / answers + (1 - tutor.lapse) * weighed
+        return lapse + (1 - tutor.lapse) * weighed
 
     return chance(logit + tutor.side - tutor.width), chance(-logit - tutor.side - tutor.width)
 

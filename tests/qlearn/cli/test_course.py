@@ -326,7 +326,7 @@ def test_a_budget_is_said_once_and_the_person_can_go_on() -> None:
         Interview(session, told.subject) as interview,
     ):
         assert interview.handle({"do": "state"})["welcome"]["before"].startswith(
-            "Before your first answer, the result could lose as much value as if "
+            "Without your answers the result could lose as much value as if "
         )
         interview.handle({"do": "start", "who": "  Ann\x1b ", "budget": "3"})
         person = Person(interview, truthful(np.array([0, 0.2, 0.45, 0.7, 1.0])))

@@ -75,7 +75,8 @@ export function mount(root, send, options = {}) {
     const before = document.activeElement;
     sheet.setAttribute("aria-busy", "true");
     enable(false);
-    const slow = setTimeout(() => say(waiting, wait.words), wait.after);
+    const slow = setTimeout(() => say(waiting, screen ? wait.words : GETTING_READY), wait.after);
+    const slower = setTimeout(() => say(waiting, `${waiting.textContent} ${LONG}`), LONG_AFTER);
     let stays = false;
     try {
       stays = (await job()) === STAYS;
@@ -84,6 +85,7 @@ export function mount(root, send, options = {}) {
       failed = { job, lost: error.saved ? "" : lost, why: error.message, wait };
     }
     clearTimeout(slow);
+    clearTimeout(slower);
     say(waiting, "");
     busy = false;
     sheet.removeAttribute("aria-busy");
@@ -724,11 +726,14 @@ export function mount(root, send, options = {}) {
 
 const FEW = 12; // rows that need no filter, and are shown at once
 const NEXT = { words: "Working out what comes next ...", after: SLOW };
+const GETTING_READY = "Getting ready ...";
+const LONG_AFTER = 8000; // ms after which a wait is explained
+const LONG = "This takes longer on a busy computer. You can wait, or come back to this page later: nothing is lost.";
 const RESULT = { words: "Working out your result ...", after: 50 };
 const PREPARING = "This takes a few seconds. The first start on a computer compiles, which takes up to two minutes.";
 const TRY = "Practice question: your answer is not saved.";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
-const UNFORESEEN = "How many questions each of these takes cannot be foreseen here. You will see it as you go.";
+const UNFORESEEN = "How far each choice of time gets cannot be foreseen here. You will see it as you go.";
 const GIVEN = "It was given when the program was started.";
 const MENDS = "Taking back any one of them fixes it. The others stay.";
 const SURE = { yes: "Yes, take it back", no: "No, keep it" };

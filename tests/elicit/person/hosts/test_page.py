@@ -553,7 +553,7 @@ def test_the_welcome_says_if_nothing_can_be_foreseen(windows: Windows) -> None:
         page.route("**/api", prospects)
         page.reload()
         page.get_by_text("Working out what this will likely prove").first.wait_for()
-        page.get_by_text("How far each of these gets cannot be foreseen here.").wait_for()
+        page.get_by_text("How far each choice of time gets cannot be foreseen here.").wait_for()
         assert "".join(page.locator(".likely").all_inner_texts()) == ""
 
 

@@ -546,7 +546,9 @@ def test_two_browsers_on_one_question(session: Session, host: WebServer) -> None
     assert other.screen("answer", id=question["id"], choice="a")["note"] is None
     assert len(session.log) == 1
     taken = other.screen("undo", id=question["id"])
-    assert (taken["answered"], taken["question"]) == (0, question)
+    again = taken["question"]["check"]
+    assert again.startswith("This is the same question again, because you took back your answer")
+    assert (taken["answered"], taken["question"]) == (0, {**question, "check": again})
     assert one.screen("answer", id=after["question"]["id"], choice="a")["note"].startswith(
         "That question is no longer open"
     )
