@@ -142,7 +142,7 @@ def test_on_paper_long_tables_are_left_out_or_cut_off_and_it_is_said(end: dict[s
 
 
 def test_the_counts_of_an_answer_add_up(tmp_path: Path) -> None:
-    """Those who are the same on both sides are said, so that all of them are there."""
+    """The answer says who is the same on both sides, so that all people are there."""
     query = Query("q", [0.5, 0.1, 0.4], [0.3, 0.5, 0.2])
     subject = Subject(LABELS, Words("people"), least=0)
     with (
