@@ -89,15 +89,15 @@ def written_out(function: F) -> F:
     return made
 
 
-def compiled_beside(stand_in: Callable[..., Any]) -> Callable[[F], F]:
+def compiled_beside(stand_in: Callable[..., Any], *, unlocked: bool = False) -> Callable[[F], F]:
     """Compile a function, and call another one in its place until then.
 
     The other returns the same to the last bit, whole arrays at a time, and so does not take
-    seconds.
+    seconds. ``unlocked`` lets other threads run meanwhile, as the function of that name does.
     """
 
     def made(function: F) -> F:
-        made = _made(function)
+        made = _made(function, **({"nogil": True} if unlocked else {}))
         if isinstance(made, Compiled) and not _settings.DISABLE_JIT:
             vars(made)["_source"] = stand_in
         return made

@@ -27,6 +27,7 @@ from qlearn.learners.driving import drive
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.learners.value_iteration import InteractiveValueIteration
+from qlearn.mdp.warm_planning import run_compiled
 from qlearn.problems.random_mdp import random_mdp
 
 
@@ -84,6 +85,7 @@ def certificates() -> None:
     """Bound a loss as policy iteration does, and find answered pairs again."""
     mdp, values = random_mdp(6, 3, 5, seed=0)
     drive(InteractivePolicyIteration(mdp, PolytopeComparator(5)), TruthfulTutor(values))
+    run_compiled(mdp)
     answered, d = AnsweredPairs(5), np.diff(_rows(3), axis=0)
     answered.add(d[0], Verdict.BETTER, binding=False)
     answered.said(tail_sums(d))
