@@ -351,9 +351,9 @@ def _cache_of(usual: str, folder: Path, packages: frozenset[Path]) -> str:
     a function's own file only, not in the files of the functions it calls.
     """
     sources = {path: path.read_bytes() for home in packages for path in home.rglob("*.py")}
-    digest = hashlib.blake2b(digest_size=8)
+    digest, compiled_here = hashlib.blake2b(digest_size=8), (b"_support.jit import", b"numba.ext")
     for path in sorted(sources):
-        if b"_support.jit import" in sources[path]:
+        if any(words in sources[path] for words in compiled_here):
             digest.update(sources[path])
     return str(Path(usual or folder / "__pycache__") / f"numba-{digest.hexdigest()}")
 

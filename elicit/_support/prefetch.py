@@ -29,20 +29,20 @@ def _compiled_prefetch(array: Any, row: Any) -> Any:
     return hint
 
 
-@intrinsic  # type: ignore[misc, unused-ignore]  # numba is untyped in some versions
-def _hint(typing: Any, array: Any, row: Any) -> Any:
+def _row_fetched(typing: Any, array: Any, row: Any) -> Any:
     """Fetch the first and the last number of a row: a short one lies on at most two cache lines."""
+    tools: Any = cgutils  # numba's types are not known in all versions
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         kind, number = signature.args
         made = context.make_array(kind)(context, builder, arguments[0])
         index = context.cast(builder, arguments[1], number, types.intp)
-        strides = cgutils.unpack_tuple(builder, made.strides, kind.ndim)
+        strides = tools.unpack_tuple(builder, made.strides, kind.ndim)
         bytes_of, whole = ir.IntType(8).as_pointer(), ir.IntType(32)
         start = builder.bitcast(made.data, bytes_of)
         first = builder.gep(start, [builder.mul(index, strides[0])])
         called = ir.FunctionType(ir.VoidType(), [bytes_of, whole, whole, whole])
-        fetch = cgutils.get_or_insert_function(builder.module, called, "llvm.prefetch.p0i8")
+        fetch = tools.get_or_insert_function(builder.module, called, "llvm.prefetch.p0i8")
         to_read_and_keep_as_data = [ir.Constant(whole, number) for number in (0, 3, 1)]
         builder.call(fetch, [first, *to_read_and_keep_as_data])
         if kind.ndim > 1:
@@ -52,3 +52,6 @@ def _hint(typing: Any, array: Any, row: Any) -> Any:
         return context.get_dummy_value()
 
     return types.void(array, row), code
+
+
+_hint: Any = intrinsic(_row_fetched)
