@@ -92,15 +92,15 @@ def written_out(function: F) -> F:
     return made
 
 
-def compiled_beside(stand_in: Callable[..., Any]) -> Callable[[F], F]:
+def compiled_beside(stand_in: Callable[..., Any], *, unlocked: bool = False) -> Callable[[F], F]:
     """Make a function run compiled, and run ``stand_in`` in its place until it is compiled.
 
     ``stand_in`` returns the same to the last bit. It works on whole arrays in NumPy, and so is
-    fast.
+    fast. If ``unlocked``, other threads run meanwhile, as with the function ``unlocked``.
     """
 
     def made(function: F) -> F:
-        made = _made(function)
+        made = _made(function, **({"nogil": True} if unlocked else {}))
         if isinstance(made, Compiled) and not _settings.DISABLE_JIT:
             vars(made)["_source"] = stand_in
         return made
@@ -353,9 +353,9 @@ def _cache_of(usual: str, folder: Path, packages: frozenset[Path]) -> str:
     functions it calls.
     """
     sources = {path: path.read_bytes() for home in packages for path in home.rglob("*.py")}
-    digest = hashlib.blake2b(digest_size=8)
+    digest, compiled_here = hashlib.blake2b(digest_size=8), (b"_support.jit import", b"numba.ext")
     for path in sorted(sources):
-        if b"_support.jit import" in sources[path]:
+        if any(words in sources[path] for words in compiled_here):
             digest.update(sources[path])
     return str(Path(usual or folder / "__pycache__") / f"numba-{digest.hexdigest()}")
 

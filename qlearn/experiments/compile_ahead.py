@@ -27,6 +27,7 @@ from qlearn.learners.driving import drive
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.learners.value_iteration import InteractiveValueIteration
+from qlearn.mdp.warm_planning import run_compiled
 from qlearn.problems.random_mdp import random_mdp
 
 
@@ -82,6 +83,7 @@ def certificates() -> None:
     """Compile the loss bound of policy iteration, and the lookup of answered pairs."""
     mdp, values = random_mdp(6, 3, 5, seed=0)
     drive(InteractivePolicyIteration(mdp, PolytopeComparator(5)), TruthfulTutor(values))
+    run_compiled(mdp)
     answered, d = AnsweredPairs(5), np.diff(_rows(3), axis=0)
     answered.add(d[0], Verdict.BETTER, binding=False)
     answered.said(tail_sums(d))

@@ -11,8 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.jit import compiled, compiled_beside
+from elicit._support.prefetch import prefetch
 from elicit.model.scale import Floats
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
+
+# numbers in V from which on it exceeds a processor's nearest caches, and its rows are fetched ahead
+_FAR = 1 << 18
 
 
 class MdpArrays(NamedTuple):
@@ -110,8 +114,13 @@ def back_up_all(states: Any, v: Any, model: MdpArrays, q: Any) -> None:
     """
     m, k = q.shape[1:]
     arrays = model.successors, model.probabilities, model.ends, model.levels
+    far = v.size > _FAR
     for i in range(len(states)):
         s = states[i]
+        if far and i + 1 < len(states):
+            row = states[i + 1] * m
+            for at in range(model.ends[row], model.ends[row + m]):
+                prefetch(v, np.uint64(model.successors[at]))
         for a in range(m):
             for j in range(k):
                 q[i, a, j] = v[s, j] if model.terminal[s] else (1.0 if j == 0 else 0.0)

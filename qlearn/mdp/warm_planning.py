@@ -13,28 +13,126 @@ Nothing here is exact, and nothing relies on it: callers that need certainty bou
 
 from __future__ import annotations
 
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 
 from elicit._support.threads import one_thread
 from elicit.model.difference import tail_sums
 from elicit.model.scale import Floats
+from qlearn.mdp.backup import model_of
 from qlearn.mdp.blocks import in_blocks, some_rows
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import Actions, valued
+from qlearn.mdp.sweep_kernels import products, sweep_rows
 
 _LOOK = 4  # sweeps between two measurements of their pace
 _WORTH = 40  # a linear system takes about as long as this many sweeps
 _ROUNDS = 200  # largest number of policies
 _ROUNDING = 1e-14  # sweeps need not get below this width
 _COARSE = 4e-6  # single precision sweeps shares to this width, forty times its rounding
-_LARGE = 4_000_000  # with more products in a sweep, single precision is worth a copy of the chain
+# With more products in a sweep than this, single precision is worth a copy of the chain, and
+# fetching successors ahead and leaving out actions are worth their code.
+_LARGE = 4_000_000
 _MOST_COARSE = 30  # largest number of sweeps in single precision
 _AT_ONCE = 1 << 14  # states whose changes are in memory at the same time
 _FINEST = 1e-8  # values that choose questions are swept no further than to this width
 _SLOW = 0.8  # sweeps that leave more than this share of the last width are too slow
+_FEW = 0.6  # it pays to leave out actions if at most this share of them is left
+_LOOKED_AT = 1000  # states by which that share is estimated
+
+
+class Seen:
+    """The products of an earlier sweep, from which it follows which actions may be the best now.
+
+    If v differs from the earlier values by between ``low`` and ``high``, the mean of an action's
+    successors differs from the earlier mean by that too. So an action that was worse than another
+    one by more than discount (high - low) is still worse. At first nothing is seen: the values and
+    the means are 0.
+    """
+
+    def __init__(self) -> None:
+        self._v: Floats | None = None  # (S,)
+        self._means: NDArray[np.float32] | None = None  # (S, A)
+
+    def room(self, v: Floats, discount: float) -> float:
+        """Return by how much a mean that was seen may be off, against another one, for v (S,)."""
+        moved, size = (v, 0.0) if self._v is None else (v - self._v, float(np.abs(self._v).max()))
+        rounding = 2.0**-22 * size + 1e-12  # means are kept in single precision
+        return discount * float(moved.max() - moved.min()) + rounding
+
+    def may_be_best(
+        self, mdp: OrdinalMDP, gain: Floats, room: float, here: slice | Actions
+    ) -> NDArray[np.bool_]:
+        """Return flags (n, A) of the actions that may be the best in states (n,)."""
+        q = gain[here] if self._means is None else gain[here] + mdp.discount * self._means[here]
+        q = np.where(mdp.admissible[here], q, -np.inf)
+        return np.asarray(q >= q.max(axis=1, keepdims=True) - room)
+
+    def forget(self, shape: tuple[int, ...]) -> NDArray[np.float32]:
+        """Return room for new means (S, A), and forget the old ones.
+
+        If the next sweep is interrupted, nothing is left that is half new.
+        """
+        means, self._means, self._v = self._means, None, None
+        return np.empty(shape, dtype=np.float32) if means is None else means
+
+    def keep(self, v: Floats, means: NDArray[np.float32]) -> None:
+        """Keep the means (S, A) of the successors' values v (S,)."""
+        self._v, self._means = v.copy(), means
+
+
+class _Rows(NamedTuple):
+    """The transitions under a policy, as ``sweep_rows`` reads them."""
+
+    rows: NDArray[np.integer[Any]]  # (S,) the row of each state
+    ends: NDArray[np.integer[Any]]
+    successors: NDArray[np.integer[Any]]
+    probabilities: NDArray[np.floating[Any]]
+
+
+class _Chain:
+    """The transitions under a policy, in each form that a sweep may need."""
+
+    def __init__(self, mdp: OrdinalMDP, policy: Actions) -> None:
+        self._mdp = mdp
+        self._rows = np.arange(mdp.n_states) * mdp.n_actions + policy
+        self._counts = np.diff(mdp.transitions.indptr)[self._rows]
+        self.nnz = int(self._counts.sum())
+
+    @cached_property
+    def matrix(self) -> sparse.csr_array:
+        """The transitions as a matrix (S, S)."""
+        return self._mdp.transitions[self._rows]
+
+    def in_place(self) -> _Rows:
+        """Return the rows of the MDP itself, of which nothing is copied."""
+        return _Rows(self._rows, *_arrays(self._mdp))
+
+    def coarse(self) -> _Rows:
+        """Return a copy in single precision, made in parts: it is a tenth of a large MDP."""
+        transitions = self._mdp.transitions
+        ends = np.concatenate([[0], np.cumsum(self._counts)]).astype(transitions.indptr.dtype)
+        successors = np.empty(self.nnz, dtype=transitions.indices.dtype)
+        probabilities = np.empty(self.nnz, dtype=np.float32)
+        for start in range(0, len(self._rows), _AT_ONCE):
+            some = self._rows[start : start + _AT_ONCE]
+            part, into = transitions[some], slice(ends[start], ends[start + len(some)])
+            successors[into], probabilities[into] = part.indices, part.data
+        return _Rows(np.arange(len(self._rows)), ends, _unsigned(successors), probabilities)
+
+
+def _arrays(mdp: OrdinalMDP) -> tuple[Any, Any, Any]:
+    """Return the ends of rows, successors and probabilities, as compiled sweeps read them."""
+    model = model_of(mdp)
+    return model.ends, _unsigned(model.successors), model.probabilities
+
+
+def _unsigned(numbers: Any) -> Any:
+    return numbers.view(f"u{numbers.itemsize}")
 
 
 @one_thread
@@ -46,6 +144,7 @@ def nearly_optimal(
     within: float,
     last: Actions | None = None,
     states: Actions | None = None,
+    seen: Seen | None = None,
 ) -> tuple[Floats, Actions, float]:
     """Return the greatest discounted total (S,) of rewards ``gain`` (S, A), to about ``within``.
 
@@ -57,21 +156,25 @@ def nearly_optimal(
     ``within``. If ``states`` (n,) are given, sweeps end once the totals are good enough at these
     states, as far as their changes tell. The upper bound is then of these states alone, and proves
     nothing.
+
+    ``seen`` holds what an earlier call for this MDP has seen. It saves time in large models, and
+    changes no number.
     """
     rows, ratio = np.arange(mdp.n_states), mdp.discount / (1 - mdp.discount)
     ends = np.where(mdp.terminal, ends, 0.0)
     v = np.where(mdp.terminal, ends, start)
     policy = np.argmax(mdp.admissible, axis=1) if last is None else last
     slack = 0.0 if last is None else (1 - mdp.discount) * within
+    seen = Seen() if seen is None else seen
     for left in reversed(range(_ROUNDS)):
-        best, greedy, low, high = _improved(mdp, gain, ends, v, last, slack, states)
+        best, greedy, low, high = _improved(mdp, gain, ends, v, last, slack, states, seen)
         same = greedy == policy
         policy, v = greedy, best
         if ratio * (high - low) <= within or (same.all() and high - low <= _ROUNDING) or not left:
             break  # low and high are about the present value, also if rounds have run out
         own, final = gain[rows, policy][:, None], ends[:, None]
         to = float(high - low) / 10
-        v = _followed(mdp, _chain(mdp, policy), own, final, v[:, None], to, states)[:, 0]
+        v = _followed(mdp, _Chain(mdp, policy), own, final, v[:, None], to, states)[:, 0]
     middle = _to_go(mdp, low, high)
     return np.where(mdp.terminal, v, v + middle), policy, float(ratio * high - middle)
 
@@ -92,8 +195,10 @@ def nearly_valued(
     sweeps begin at the shares ``start`` (S, k), if there are any. If ``states`` (n,) are given,
     only the changes at these states count.
     """
-    levels, chain = np.arange(mdp.k - 1), _chain(mdp, policy)
-    ends = ((mdp.final_level[:, None] > levels) & mdp.terminal[:, None]).astype(np.float64)
+    levels, chain = np.arange(mdp.k - 1), _Chain(mdp, policy)
+    ends: Floats = np.broadcast_to(0.0, (mdp.n_states, len(levels)))  # takes no memory
+    if mdp.terminal.any():
+        ends = ((mdp.final_level[:, None] > levels) & mdp.terminal[:, None]).astype(np.float64)
     gain: Floats = np.where(
         mdp.levels[np.arange(mdp.n_states), policy][:, None] > levels, 1.0 - mdp.discount, 0.0
     )
@@ -109,20 +214,15 @@ def nearly_valued(
     if negative:
         # all columns were moved too far together, as can happen if some states already have all
         # that they will ever have; cutting off the negative part would tear states apart
-        shares = _shares_of(valued(mdp, chain, gain, ends))
+        shares = _shares_of(valued(mdp, chain.matrix, gain, ends))
     np.maximum(shares, 0.0, out=shares)
     shares /= shares.sum(axis=1, keepdims=True)
     return shares
 
 
-def _chain(mdp: OrdinalMDP, policy: Actions) -> sparse.csr_array:
-    """Return the transition matrix (S, S) of a policy."""
-    return mdp.transitions[np.arange(mdp.n_states) * mdp.n_actions + policy]
-
-
 def _followed(
     mdp: OrdinalMDP,
-    chain: sparse.csr_array,
+    chain: _Chain,
     gain: Floats,
     ends: Floats,
     v: Floats,
@@ -134,13 +234,15 @@ def _followed(
     Terminal states' totals are ``ends`` (S, c). Sweeps go on until no column's changes differ by
     more than ``within`` from state to state, or among ``states`` (n,). v is overwritten.
     """
-    if chain.nnz * v.shape[1] >= _LARGE and v.shape[1] > 1:
+    large = chain.nnz * v.shape[1] >= _LARGE
+    if large and v.shape[1] > 1:
         v, done = _followed_coarsely(mdp, chain, gain, ends, v, within, states)
         if done:
             return v
     ended, widths = bool(mdp.terminal.any()), list[float]()
+    transitions: sparse.csr_array | _Rows = chain.in_place() if large else chain.matrix
     while True:
-        v, low, high = _swept(mdp, chain, gain, ends, v, states)
+        v, low, high = _swept(mdp, transitions, gain, ends, v, states)
         width = mdp.discount * float((high - low).max())
         if width <= max(within, _ROUNDING):
             if not ended:
@@ -150,12 +252,12 @@ def _followed(
         if len(widths) % _LOOK == 0 and len(widths) > _LOOK:
             pace = (width / widths[-_LOOK - 1]) ** (1 / _LOOK)
             if not pace < 1 or np.log(within / width) < _WORTH * np.log(pace):
-                return valued(mdp, chain, gain, ends)
+                return valued(mdp, chain.matrix, gain, ends)
 
 
 def _followed_coarsely(
     mdp: OrdinalMDP,
-    chain: sparse.csr_array,
+    chain: _Chain,
     gain: Floats,
     ends: Floats,
     v: Floats,
@@ -167,13 +269,11 @@ def _followed_coarsely(
     Single precision needs half the memory and time. The sweeps end at ``within``, at the limit of
     single precision, or once they are too slow.
     """
-    coarse = sparse.csr_array(
-        (chain.data.astype(np.float32), chain.indices, chain.indptr), shape=chain.shape
-    )
-    gains, finals, now = (x.astype(np.float32) for x in (gain, ends, v))
+    coarse = chain.coarse()
+    gains, now = gain.astype(np.float32), v.astype(np.float32)
     widths = [np.inf, np.inf]
     for _ in range(_MOST_COARSE):
-        now, low, high = _swept(mdp, coarse, gains, finals, now, states)
+        now, low, high = _swept(mdp, coarse, gains, ends, now, states)
         width = mdp.discount * float((high - low).max())
         if width <= max(within, _COARSE) or width > _SLOW * widths[-2]:
             break
@@ -185,7 +285,7 @@ def _followed_coarsely(
 
 def _swept(
     mdp: OrdinalMDP,
-    chain: sparse.csr_array,
+    chain: sparse.csr_array | _Rows,
     gain: Any,
     ends: Any,
     v: Any,
@@ -199,27 +299,22 @@ def _swept(
 
     def sweep(first: int, last: int) -> tuple[Any, Floats]:
         here = slice(first, last)
-        found = some_rows(chain, first, last) @ v
-        found *= mdp.discount
-        found += gain[here]
+        if isinstance(chain, _Rows):
+            found = np.empty((last - first, v.shape[1]), dtype=v.dtype)
+            sweep_rows(first, *chain, gain, v.dtype.type(mdp.discount), v, found)
+        else:
+            found = some_rows(chain, first, last) @ v
+            found *= mdp.discount
+            found += gain[here]
         ended = mdp.terminal[here]
         if ended.any():
             found[ended] = ends[here][ended]
-        changes: list[Floats] = []
-        if states is not None:
-            return found, np.empty((2, v.shape[1]))
-        for start in range(0, last - first, _AT_ONCE):  # never all changes in memory
-            some = found[start : start + _AT_ONCE]
-            moved = some - v[first + start : first + start + len(some)]
-            changes.append(np.array([moved.min(axis=0), moved.max(axis=0)]))
-        return found, np.array(_over_all(changes))
+        return found, _change(found, v[here], states)
 
-    blocks = in_blocks(sweep, mdp.n_states, chain.nnz * v.shape[1])
+    work = len(chain.probabilities) if isinstance(chain, _Rows) else chain.nnz
+    blocks = in_blocks(sweep, mdp.n_states, work * v.shape[1])
     new = blocks[0][0] if len(blocks) == 1 else np.concatenate([found for found, _ in blocks])
-    if states is not None:
-        moved = new[states] - v[states]
-        return new, moved.min(axis=0), moved.max(axis=0)
-    return new, *_over_all([change for _, change in blocks])
+    return new, *_over_all([change for _, change in blocks], new, v, states)
 
 
 def _improved(
@@ -230,19 +325,45 @@ def _improved(
     last: Actions | None,
     slack: float,
     states: Actions | None,
+    seen: Seen,
 ) -> tuple[Floats, Actions, Floats, Floats]:
     """Return the values (S,) after one sweep, the actions (S,) that attain them, and two numbers.
 
     The numbers are the least and the greatest change from v (S,), over ``states`` (n,) if they are
     given. Of equally good actions the first is taken, but those of ``last`` (S,) are kept if they
-    are as good to within ``slack``.
+    are as good to within ``slack``. In a large model, actions that cannot be the best by what was
+    ``seen`` are left out.
     """
     best, greedy, m = np.empty_like(v), np.empty(len(v), dtype=np.int64), mdp.n_actions
+    large, room, means = mdp.transitions.nnz >= _LARGE, np.inf, None
+    if large:
+        room = seen.room(v, mdp.discount)
+        some = np.linspace(0, len(v) - 1, _LOOKED_AT).astype(np.int64)
+        if seen.may_be_best(mdp, gain, room, some).mean() > _FEW:
+            room, means = np.inf, seen.forget(gain.shape)
 
-    def sweep(first: int, end: int) -> Floats:
-        here = slice(first, end)
-        found = some_rows(mdp.transitions, first * m, end * m) @ v
-        q = gain[here] + mdp.discount * found.reshape(-1, m)
+    def mean(first: int, end: int) -> tuple[Floats, NDArray[np.bool_]]:
+        here, rows = slice(first, end), np.arange(end - first)
+        needed = np.ones((end - first, m), dtype=np.bool_)
+        if means is None:
+            needed = seen.may_be_best(mdp, gain, room, here)
+            if last is not None:
+                needed[rows, last[here]] = True
+        found = np.empty(needed.shape)
+        products(first, *_arrays(mdp), v, needed, found)
+        if means is not None:
+            means[here] = found
+        return found, needed
+
+    def choose(first: int, end: int) -> None:
+        here, needed = slice(first, end), None
+        if large:
+            found, needed = mean(first, end)
+        else:
+            found = (some_rows(mdp.transitions, first * m, end * m) @ v).reshape(-1, m)
+        q = gain[here] + mdp.discount * found
+        if needed is not None:
+            q[~needed] = -np.inf
         q[mdp.terminal[here]] = ends[here][mdp.terminal[here], None]
         q[~mdp.admissible[here]] = -np.inf
         greedy[here] = q.argmax(axis=1)
@@ -251,23 +372,57 @@ def _improved(
         if last is not None:
             kept = q[rows, last[here]] >= best[here] - slack
             greedy[here][kept] = last[here][kept]
-        moved = best[here] - v[here]
-        return np.array([moved.min(), moved.max()])
 
-    low, high = _over_all(in_blocks(sweep, mdp.n_states, mdp.transitions.nnz))
-    if states is not None:
-        some = best[states] - v[states]
-        low, high = some.min(), some.max()
-    return best, greedy, low, high
+    def sweep(first: int, end: int) -> Floats:
+        step = _AT_ONCE if large else max(1, end - first)
+        for start in range(first, end, step):
+            choose(start, min(end, start + step))
+        return _change(best[first:end], v[first:end], states)
+
+    changes = in_blocks(sweep, mdp.n_states, mdp.transitions.nnz)
+    if means is not None:
+        seen.keep(v, means)
+    return best, greedy, *_over_all(changes, best, v, states)
 
 
-def _over_all(changes: list[Floats]) -> tuple[Floats, Floats]:
-    """Return the least and the greatest change of each column over all blocks.
+def _change(new: Any, v: Any, states: Actions | None) -> Floats:
+    """Return the least and the greatest change (2, ...) of a block, if those of all states count.
 
-    If states are terminal, 0 is among the changes.
+    The changes of all states are never in memory at the same time.
     """
+    if states is not None:
+        return np.empty((2, *v.shape[1:]))
+    ends = []
+    for start in range(0, len(v), _AT_ONCE):
+        moved = new[start : start + _AT_ONCE] - v[start : start + _AT_ONCE]
+        ends.append((moved.min(axis=0), moved.max(axis=0)))
+    low, high = zip(*ends, strict=True)
+    return np.array([np.min(low, axis=0), np.max(high, axis=0)])
+
+
+def _over_all(
+    changes: list[Floats], new: Any, v: Any, states: Actions | None
+) -> tuple[Floats, Floats]:
+    """Return the least and the greatest change from v to new over all blocks.
+
+    If ``states`` (n,) are given, it is of these alone.
+    """
+    if states is not None:
+        moved = new[states] - v[states]
+        return moved.min(axis=0), moved.max(axis=0)
     both = np.array(changes)
     return both[:, 0].min(axis=0), both[:, 1].max(axis=0)
+
+
+def run_compiled(mdp: OrdinalMDP) -> None:
+    """Run the compiled sweeps of large models once, so that their machine code is kept."""
+    n, chain = mdp.n_states, _Chain(mdp, np.argmax(mdp.admissible, axis=1))
+    found = np.empty(mdp.levels.shape)
+    products(0, *_arrays(mdp), np.zeros(n), mdp.admissible, found)
+    products(0, *_arrays(mdp), np.zeros(n), np.ones(found.shape, dtype=np.bool_), found)
+    for rows, kind in ((chain.in_place(), np.float64), (chain.coarse(), np.float32)):
+        v = np.zeros((n, 2), dtype=kind)
+        _swept(mdp, rows, v, v, v)
 
 
 def _to_go(mdp: OrdinalMDP, low: Floats, high: Floats) -> Floats:

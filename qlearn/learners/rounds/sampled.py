@@ -19,7 +19,7 @@ from qlearn.certificates.loss_bound import Guarantee, collected, drawn_set, draw
 from qlearn.learners.rounds.tuning import TUNING
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import rewarded
-from qlearn.mdp.warm_planning import nearly_optimal, nearly_valued
+from qlearn.mdp.warm_planning import Seen, nearly_optimal, nearly_valued
 
 
 class SampledRounds:
@@ -40,6 +40,7 @@ class SampledRounds:
         self._error = TUNING.error * enough
         self.rounds = 0  # policies solved for so far
         self._asked = 0  # rounds with the current policy
+        self._seen = Seen()
         self._pool: Advantages | None = None
         self._all: Advantages | None = None
 
@@ -101,13 +102,14 @@ class SampledRounds:
             little *= TUNING.rough
         gain, ends = rewarded(mdp, values)
         start = np.full(mdp.n_states, 0.5) if self._v is None else product(self._v, values)
-        _, policy, _ = nearly_optimal(mdp, gain, ends, start, little, last, sample)
+        _, policy, _ = nearly_optimal(mdp, gain, ends, start, little, last, sample, self._seen)
         del gain, start  # V needs the memory
         changed = last is None or (policy != last)[~mdp.terminal].any()
         if changed or (self._is_rough and sample is None):
             within = little * (1 - mdp.discount)
+            self._all = None  # a third of the memory that a new V takes
             self._v = nearly_valued(mdp, policy, self._v, within, states=sample)
-            self._policy, self._all, self._is_rough = policy, None, sample is not None
+            self._policy, self._is_rough = policy, sample is not None
 
     def _sample(self) -> NDArray[np.int64]:
         n = self._mdp.n_states
@@ -146,6 +148,18 @@ class SampledRounds:
         else:
             found = guarantee(mdp, advantages, comparator, self._enough)
             high = most_of(advantages.d, trusted[0].gaps, axis=1)
-        rows = np.argsort(-high, kind="stable")[: TUNING.pool]
-        self._pool = advantages.only(np.sort(rows))
+        self._pool = advantages.only(_greatest(high, TUNING.pool))
         return self._pool, found
+
+
+def _greatest(x: Floats, most: int) -> NDArray[np.int64]:
+    """Return the places of the greatest numbers of x (n,), in ascending order.
+
+    Of equal ones the first are taken. To sort millions of numbers would take seconds.
+    """
+    if len(x) <= most:
+        return np.arange(len(x))
+    least = np.partition(x, len(x) - most)[len(x) - most]
+    above = np.flatnonzero(x > least)
+    equal = np.flatnonzero(x == least)[: most - len(above)]
+    return np.sort(np.concatenate([above, equal]))

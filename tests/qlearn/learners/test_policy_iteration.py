@@ -622,3 +622,10 @@ def test_where_pairs_are_few_mixtures_of_levels_are_asked_about_next(error: floa
         )
         assert drive(as_they_are, tutor, seed=seed).asked <= 4  # its pairs are soon all asked about
     assert ended.count(Status.CONVERGED) >= 7
+
+
+@pytest.mark.parametrize("most", [1, 5, 40, 41])
+def test_the_greatest_bounds_are_those_that_sorting_finds(most):
+    x = np.random.default_rng(0).integers(6, size=40) / 7.0  # most are equal to others
+    expected = np.sort(np.argsort(-x, kind="stable")[:most])
+    np.testing.assert_array_equal(sampled._greatest(x, most), expected)

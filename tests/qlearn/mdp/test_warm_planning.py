@@ -6,7 +6,7 @@ import pytest
 from qlearn import OrdinalMDP, evaluate_policy, policy_loss, random_mdp, value_iteration
 from qlearn.mdp import blocks, warm_planning
 from qlearn.mdp.planning import rewarded
-from qlearn.mdp.warm_planning import nearly_optimal, nearly_valued
+from qlearn.mdp.warm_planning import Seen, nearly_optimal, nearly_valued
 from tests.mdp_cases import messy_mdp
 
 
@@ -107,3 +107,38 @@ def test_sweeps_that_begin_in_single_precision_come_as_near(monkeypatch, name):
     v = nearly_valued(mdp, policy, None, 1e-8)
     np.testing.assert_allclose(v, exact, atol=1e-8 * 4 / (1 - mdp.discount))
     np.testing.assert_array_equal(v[mdp.terminal], exact[mdp.terminal])
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_actions_that_cannot_be_the_best_are_left_out_and_no_number_changes(monkeypatch, name):
+    mdp, rng, needed = MODELS[name], np.random.default_rng(0), []
+    kept = warm_planning.products
+
+    def counted(first, ends, successors, probabilities, v, some, found):
+        needed.append(some.mean())
+        kept(first, ends, successors, probabilities, v, some, found)
+
+    def solved(large):
+        monkeypatch.setattr(warm_planning, "_LARGE", large)
+        seen, start, last, found = Seen(), np.full(mdp.n_states, 0.5), None, []
+        for number in range(4):  # from scale to scale, as policy iteration solves
+            scale = np.array([0.0, 0.2 + number / 100, 0.7 - number / 50, 1.0])
+            some = None if number % 2 else np.arange(0, mdp.n_states, 3)
+            start, last, more = nearly_optimal(
+                mdp, *rewarded(mdp, scale), start, 1e-5, last, some, seen
+            )
+            found += [start, last, more]
+        return found
+
+    monkeypatch.setattr(warm_planning, "products", counted)
+    for one, other in zip(solved(10**12), solved(0), strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert needed
+    assert name != "random" or min(needed) < 0.5
+    seen = Seen()
+    for _ in range(2):  # values from before, whatever they are, decide nothing
+        v = rng.random(mdp.n_states)
+        gain, ends = rewarded(mdp, VALUES)
+        one, other = (nearly_optimal(mdp, gain, ends, v, 1e-5, seen=each) for each in (seen, None))
+        for left, right in zip(one, other, strict=True):
+            np.testing.assert_array_equal(left, right)
