@@ -95,7 +95,7 @@ def policy_conclusion(
     differing = _differing(mdp, result)
     return Conclusion(
         headline=headline,
-        sure=f"{_ideal(told)} {_sure(result)} {_COMPARES}",
+        sure=f"{_sure(result)} {_ideal(told)} {_COMPARES}",
         next=after,
         more=more,
         before=unasked,
@@ -404,7 +404,8 @@ def _nearly_as_good(names: Sequence[str], shares: Floats, result: Choice) -> str
 def _directions(d: Floats) -> Floats:
     """Return tail sums (n, k-1) of differences d (n, k), each divided by its largest number."""
     t = tail_sums(d)
-    return t / np.maximum(np.abs(t).max(axis=1, keepdims=True), 1e-300)
+    directions: Floats = t / np.maximum(np.abs(t).max(axis=1, keepdims=True), 1e-300)
+    return directions
 
 
 def _among(direction: Floats, others: Floats) -> bool:

@@ -1,12 +1,21 @@
 """The table of what a person's answers change holds what is certain, and says how certain."""
 
 import re
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from elicit import Bags, FlippingTutor, PolytopeComparator, PosteriorComparator, Words, choose
+from elicit import (
+    Answers,
+    Bags,
+    FlippingTutor,
+    PolytopeComparator,
+    PosteriorComparator,
+    Words,
+    choose,
+)
 from qlearn import InteractivePolicyIteration, equal_gaps_policy, random_mdp
 from qlearn.cli.conclusions import InWords, choice_conclusion, policy_conclusion
 
@@ -108,3 +117,19 @@ def test_an_alternative_that_is_nearly_as_good_is_named(second: list[float], sai
     found = choice_conclusion(told, names, shares, result, None)
     assert found.headline == f"By your answers “first” is best.{said}"
     assert found.sure.startswith("No other alternative is better. This holds ")
+
+
+@pytest.mark.parametrize("scale", [1.0, 20.0, 1 / 3])
+def test_an_alternative_that_was_called_equally_good_is_said_to_be(scale: float) -> None:
+    shares = np.array([[0.1, 0.2, 0.7], [0.02, 0.35, 0.63], [0.5, 0.5, 0.0]])
+    names = ["first", "other", "third"]
+    found = choose(shares, PolytopeComparator(3), names=names).result()
+    equal = Answers([scale * (shares[0] - shares[1]), [0.0, 1.0, 0.0]], [0, 1])
+    told = InWords(("bad", "middle", "good"), Words(), 0.01)
+    guess = PolytopeComparator(3).update(equal)
+    said = choice_conclusion(
+        told, names, shares, replace(found, answers=equal, comparator=guess), None
+    )
+    assert "You called it and “other” equally good." in said.headline
+    other = replace(found, answers=Answers(equal.d, [1, 1]), comparator=guess)
+    assert "equally good" not in choice_conclusion(told, names, shares, other, None).headline

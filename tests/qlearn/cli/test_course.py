@@ -210,7 +210,7 @@ def test_with_a_posterior_changes_are_listed_if_they_hold_with_its_confidence() 
             assert result.comparator.probability(d)[0] >= 0.95 - 1e-9
             listed += 1
         assert listed
-        assert end["sure"] == "This holds with 95% probability."
+        assert end["sure"].startswith("This holds with 95% probability. The ideal plan is the one ")
 
 
 def test_where_nothing_is_at_stake_nothing_is_asked_and_that_is_said() -> None:

@@ -289,7 +289,10 @@ def test_a_choice_from_a_csv(lets_answer: Callable[..., str], tmp_path: Path) ->
         " ".join(shown.split()),
     )
     said = " ".join(shown.split())
-    assert "By your answers “new” is best. No other alternative" in said
+    assert (
+        "By your answers “new” is best. With 95% probability no other alternative is better."
+        in said
+    )
     assert "(Rounded" not in shown
     log = AnswerLog.read(tmp_path / "answers-care.jsonl")
     assert log.header["unit"] == "patients"

@@ -106,8 +106,9 @@ def test_checks_are_passed_or_look_like_chance(
 ) -> None:
     one = Conduct(20, 20, alike + differed, differed, "a", 1)
     assert (one.passed, one.like_chance) == (passed, chance)
-    order = f"With the order of the levels, {alike} of {alike + differed} checks were answered as "
-    said = f"{order}expected. Someone who guesses is right in half of the checks, and "
+    order = f"With the one against the order of the levels, {alike} of {alike + differed} checks "
+    order += "were answered as expected. "
+    said = f"{order}Someone who guesses is right in half of the checks, and "
     if "half" in cases:
         assert one.by_chance == f"{said}so does as well."
     else:
@@ -117,7 +118,7 @@ def test_checks_are_passed_or_look_like_chance(
         said = f"{said}does as well in {cases.replace('cases', 'interviews')[8:]}. {tell}"
         assert one.by_chance == said
         repeats = replace(one, repeated=one.checks)  # then the screen has counted them already
-        assert repeats.by_chance == said.removeprefix(f"{order}expected. ")
+        assert repeats.by_chance == said.removeprefix(order)
     assert (one.caution() is not None) == (chance or (one.checks >= 11 and not passed))
 
 
