@@ -13,6 +13,7 @@ from elicit import (
     FlippingTutor,
     PolytopeComparator,
     PosteriorComparator,
+    Status,
     Words,
     choose,
 )
@@ -123,13 +124,18 @@ def test_an_alternative_that_is_nearly_as_good_is_named(second: list[float], sai
 def test_an_alternative_that_was_called_equally_good_is_said_to_be(scale: float) -> None:
     shares = np.array([[0.1, 0.2, 0.7], [0.02, 0.35, 0.63], [0.5, 0.5, 0.0]])
     names = ["first", "other", "third"]
-    found = choose(shares, PolytopeComparator(3), names=names).result()
-    equal = Answers([scale * (shares[0] - shares[1]), [0.0, 1.0, 0.0]], [0, 1])
     told = InWords(("bad", "middle", "good"), Words(), 0.01)
-    guess = PolytopeComparator(3).update(equal)
-    said = choice_conclusion(
-        told, names, shares, replace(found, answers=equal, comparator=guess), None
+    chosen = replace(
+        choose(shares, PolytopeComparator(3), names=names).result(),
+        best=0,
+        name="first",
+        status=Status.DONE,
     )
-    assert "You called it and “other” equally good." in said.headline
-    other = replace(found, answers=Answers(equal.d, [1, 1]), comparator=guess)
-    assert "equally good" not in choice_conclusion(told, names, shares, other, None).headline
+    rows = [scale * (shares[0] - shares[1]), [0.0, 1.0, 0.0]]
+    for said, called in (([0, 1], True), ([1, 1], False), ([1, 0], False)):
+        answers = Answers(rows, said)
+        known = PolytopeComparator(3).update(Answers(rows[:1], [0]))
+        found = replace(chosen, answers=answers, comparator=known)
+        headline = choice_conclusion(told, names, shares, found, None).headline
+        assert "Nearly as good is “other”" in headline
+        assert ("You called it and “other” equally good." in headline) is called

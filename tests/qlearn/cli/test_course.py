@@ -115,7 +115,7 @@ def test_most_who_answer_by_chance_get_an_end_that_says_so() -> None:
         end = screen["end"]
         said += end["caution"] is not None
         # who passes all checks by chance cannot be told from one who means it
-        assert end["by_chance"].startswith(("Someone who guesses is ", "With the order "))
+        assert end["by_chance"].startswith(("Someone who guesses is ", "With the one against "))
         if end["caution"] is None and end["settled"]:
             cases = int(re.search(r"in 1 of (\d+) interviews", end["by_chance"])[1])
             assert cases >= 25
@@ -360,7 +360,7 @@ def test_what_could_be_lost_before_the_first_answer_is_read_from_the_log(tmp_pat
             ends.append(interview.handle({"do": "finish"})["end"])
             assert made == [0]  # no second asker for what was known before the first answer
     assert ends[0] == ends[1]
-    assert ends[0]["before"].startswith("Before your first answer")
+    assert ends[0]["before"].startswith("Without your answers")
 
 
 def test_who_stops_early_is_not_told_that_the_plan_is_settled() -> None:
