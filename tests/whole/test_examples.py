@@ -52,7 +52,7 @@ def test_a_session_is_left_and_resumed_and_asks_nothing_twice(tmp_path):
         run.say(truthful(run.since, values))
         code, errors = run.leave()
         assert not code, errors
-        assert "Left. a question waits: 1 answered, 1 withdrawn." in run.shown
+        assert "Left. a question waits: 1 answered, 1 taken back." in run.shown
     with example(tmp_path, "resume_a_session.py") as run:
         assert "1 answered" in run.prompted()
         assert answer_all(run, values) == 4
