@@ -92,7 +92,7 @@ def policy_conclusion(
         if before is None
         else f"Before your first answer it could have lost {told.loss(before)}."
     )
-    differing = _differing(mdp, result)
+    differing = _differing(told, mdp, result)
     return Conclusion(
         headline=headline,
         sure=f"{_sure(result)} {_ideal(told)} {_COMPARES}",
@@ -119,37 +119,44 @@ class _Differing(NamedTuple):
     """A comparison of the learned policy with the policy for equal steps between levels.
 
     It holds the latter (S,), the ``states`` where the two differ, and in ``holds`` for each of
-    these whether the learned action is certainly better.
+    these whether the learned action is certainly better. ``why`` has a clause for each of them.
     """
 
     equal: Any
     states: Any
     holds: Any
+    why: dict[int, str]
+
+    @property
+    def certain(self) -> dict[int, bool]:
+        """What ``holds`` says, by state."""
+        return dict(zip(self.states.tolist(), self.holds.tolist(), strict=True))
 
 
-def _differing(mdp: OrdinalMDP, result: Result) -> _Differing:
+def _differing(told: InWords, mdp: OrdinalMDP, result: Result) -> _Differing:
     """Compare the learned policy with the one for equal steps between levels."""
     equal = optimal_policy(mdp, np.linspace(0.0, 1.0, mdp.k), result.policy)
     states = np.flatnonzero((equal != result.policy) & ~mdp.terminal)
     d = result.q[states, result.policy[states]] - result.q[states, equal[states]]
     holds = decide(result.comparator, d).verdicts == Verdict.BETTER if len(states) else states > 0
-    return _Differing(equal, states, holds)
+    return _Differing(equal, states, holds, _reasons(told, result, states.tolist(), d))
 
 
-def _reasons(told: InWords, result: Result, differing: _Differing) -> dict[int, str]:
+def _reasons(
+    told: InWords, result: Result, states: Sequence[int], differences: Floats
+) -> dict[int, str]:
     """Return a clause for each state that differs: the level that makes the learned action better.
 
     An action leads to more of some levels and less of others than that of equal steps. A level
     matters as much as the difference, times that of its value from its value with equal steps. The
     value is the best guess; "may" says that its range includes that of equal steps.
+    ``differences`` (n, k) are the learned action's vector value less that of equal steps.
     """
-    equal, states, _ = differing
     value, steps = best_guess(result.comparator), np.linspace(0.0, 1.0, len(told.labels))
-    d = result.q[states, result.policy[states]] - result.q[states, equal[states]]
     ends = np.eye(len(told.labels)) - np.eye(len(told.labels))[0]
     low, high = bounds_of(result.comparator, ends)
     found = {}
-    for state, more in zip(states.tolist(), d, strict=True):
+    for state, more in zip(states, differences, strict=True):
         matters = more * (value - steps)
         level = int(np.argmax(matters))
         found[state] = "what follows in the rest of the plan"
@@ -171,8 +178,7 @@ def _changes(
     differing: _Differing,
 ) -> ResultTable:
     """Return the states in which the answers change the action, for certain or perhaps."""
-    equal, states, holds = differing
-    why = _reasons(told, result, differing)
+    equal, states, holds, why = differing
     live, n = int(np.count_nonzero(~mdp.terminal)), int(holds.sum())
     rest = len(states) - n
     some = ""
@@ -231,8 +237,7 @@ def _plan(
     differing: _Differing,
 ) -> ResultTable:
     """Return the action in every state that is not terminal, in words, for the screen."""
-    _, states, holds = differing
-    change = dict(zip(states.tolist(), holds.tolist(), strict=True))
+    change = differing.certain
     sure = (
         "for every scale that fits your answers"
         if result.confidence == 1.0
@@ -264,9 +269,8 @@ def _whole_policy(
     differing: _Differing,
 ) -> ResultTable:
     """Return the action in every state that is not terminal, as a table to download."""
-    equal, states, holds = differing
-    change = dict(zip(states.tolist(), holds.tolist(), strict=True))
-    words, why = {True: "certain", False: "open", None: "none"}, _reasons(told, result, differing)
+    equal, change, why = differing.equal, differing.certain, differing.why
+    words = {True: "certain", False: "open", None: "none"}
     rows = tuple(
         (
             mdp.state_name(s),

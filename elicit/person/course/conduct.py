@@ -177,17 +177,19 @@ class Conduct:
         About 6% of people who answer by chance pass, and 98% of those who answer one check in 20
         differently.
         """
-        alike = self.checks - self.differed
-        return alike >= LEAST_CHECKS + _MORE_ALIKE * self.differed
+        return self._alike_missing <= 0
+
+    @property
+    def _alike_missing(self) -> int:
+        """How many more checks, answered alike, it takes to pass."""
+        return LEAST_CHECKS + _MORE_ALIKE * self.differed - (self.checks - self.differed)
 
     @property
     def checks_left(self) -> int:
         """The fewest checks that must still come before the end, if there is enough to repeat."""
         if self.passed or self.like_chance:
             return 0
-        alike = self.checks - self.differed
-        needed = LEAST_CHECKS + _MORE_ALIKE * self.differed - alike
-        return max(0, min(needed, MOST_CHECKS - self.checks))
+        return max(0, min(self._alike_missing, MOST_CHECKS - self.checks))
 
     @property
     def unresolved(self) -> bool:
