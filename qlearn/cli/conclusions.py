@@ -129,7 +129,7 @@ class _Differing(NamedTuple):
 
     @property
     def certain(self) -> dict[int, bool]:
-        """What ``holds`` says, by state."""
+        """Map each state to what ``holds`` says of it."""
         return dict(zip(self.states.tolist(), self.holds.tolist(), strict=True))
 
 

@@ -181,7 +181,7 @@ class Conduct:
 
     @property
     def _alike_missing(self) -> int:
-        """How many more checks, answered alike, it takes to pass."""
+        """Count the further checks, answered alike, that it takes to pass."""
         return LEAST_CHECKS + _MORE_ALIKE * self.differed - (self.checks - self.differed)
 
     @property
