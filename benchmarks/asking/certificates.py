@@ -60,8 +60,7 @@ BUDGET = 1000  # questions, with a tutor who errs
 ICU = "ICU-Sepsis"
 RANDOM = ("k = 5", "k = 10", "k = 20")
 PARTS = (*RANDOM, *FAMILIES, ICU)
-# problems of ICU-Sepsis, whose MDP is always the same, and at most of limits at k = 20: a minute
-# each
+# problems of ICU-Sepsis with a truthful tutor, and at most of limits at k = 20: a minute each
 FEW = 5
 LIMITS = "limits"
 Row = dict[str, Any]
@@ -217,8 +216,15 @@ def cells(only: Sequence[str], problems: int, erring: int) -> list[Cell]:
             ("value iteration", NEVER),
             *(("policy iteration", one) for one in (NEVER, *ERRING)),
         )
-        for seed in range(min(FEW if name == ICU else 10**6, problems if errs == NEVER else erring))
+        for seed in range(_count(name, errs, problems, erring))
     ]
+
+
+def _count(name: str, errs: str, problems: int, erring: int) -> int:
+    """Count the problems of a row."""
+    if errs != NEVER:
+        return erring
+    return min(problems, FEW) if name == ICU else problems
 
 
 def _without_cuts(mdp: OrdinalMDP, values: Floats, tolerance: float) -> int:
