@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, logsumexp
 
+from benchmarks.people.choices import choosing_half
 from benchmarks.reporting import machine, markdown, publish, with_interval
 from elicit.comparators.bradley_terry.density import EQUAL_LAPSES
 from elicit.model.difference import tail_sums
@@ -158,7 +159,8 @@ def by_person(
     worth_draws: list[float] = []
     for number in SETS:
         logs = repeated_gambles(folder / "gambles_45_times.csv", sets=[number])
-        names = sorted(logs, key=int)[0 if choosing else 1 :: 2]
+        chosen = choosing_half(len(logs)) == choosing
+        names = [who for who, one in zip(sorted(logs), chosen, strict=True) if one]
         t, places = by_pair([logs[who].answers() for who in names])
         some = [
             one
@@ -183,9 +185,10 @@ def report(folder: Path, count: int) -> Iterator[list[str]]:
     worth += more
     yield [
         "30 people answered the ten pairs of two sets of gambles 45 times each, and could say "
-        '"indifferent" (Regenwetter and Davis-Stober 2012). People with odd numbers are the '
-        "*choosing half*, on whom the law of the posterior was chosen. The others are the "
-        "*reporting half*.",
+        '"indifferent" (Regenwetter and Davis-Stober 2012). The law of the posterior was '
+        "chosen on the *choosing half* of them. The others are the *reporting half*. The halves "
+        "are those of RESULTS-people. (The law was first chosen on the 15 people with odd numbers, "
+        "of whom 9 are of the reporting half; the choosing half ranks the laws the same way.)",
         "",
         f"A law learns {', '.join(map(str, LEARNED))} of a person's answers to a set, in {ORDERS} "
         "random orders each, and predicts the person's other answers to it. Only orders with an "
