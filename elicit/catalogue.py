@@ -54,12 +54,12 @@ class ComparatorEntry:
     """One comparator of the catalogue.
 
     name         its name on the command line, in rows of results and in journals
-    label        its name in tables and pictures
+    label        its name in pictures; the table of ``qlearn ablate`` has ``name``
     kind         the name of its class
     factory      a function that makes it, from k, a seed for its draws, and keywords
     color, marker, linestyle    its look, as matplotlib's keywords
     fixed        keywords that tell it apart from others of its class
-    options      further keywords that it takes, if they are given
+    options      settings of the ablation that the factory takes, by name; () if it takes none
     learns       whether answers change what it knows
     proves       whether its bounds on the loss of a policy are tight enough for policy iteration to
                  end

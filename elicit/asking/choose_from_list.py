@@ -63,8 +63,8 @@ class Choice:
     def loss_bound(self) -> float:
         """Upper bound on how much better another vector can be than the one called best.
 
-        It bounds d.e in units of e_k - e_1, which is a share of the value range if vectors are
-        shares.
+        The unit is the value of the best level minus that of the worst, e_k - e_1. If the vectors
+        are share vectors, the bound is a share of the value range.
         """
         return self._guaranteed[0]
 

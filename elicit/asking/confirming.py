@@ -45,17 +45,20 @@ class Confirming(NamedTuple):
 
 @one_thread
 def confirming_question(comparator: Comparator, d: Floats, limit: float) -> Confirming:
-    """Return the question whose answer is expected to leave least open over all cells.
+    """Return the question that is expected to bring upper bounds on d.e down most, in all cells.
+
+    The bounds are to come down to ``limit``. A question is better, the fewer halvings of bounds its
+    answer is expected to leave (``cuts.halvings``). They are added up over all differences and
+    cells. A cell counts more if more of its answers can still be wrong.
 
     Parameters
     ----------
     comparator : Comparator
         A comparator with ``cells``, draws and answers. The draws give the probability of each
-        answer. Telling an answer to a cell gives the bounds that it leaves; these must fall with
-        answers, as a polytope's do.
+        answer. The bounds after an answer are those of each cell once it has learned the answer. No
+        bound may rise by an answer; a polytope's never do.
     d : (n, k)
-        Differences whose upper bounds on d.e are to come down to ``limit``; n > 0. A difference
-        counts by the number of times that its bound must still be halved.
+        Differences whose d.e is bounded; n > 0.
     limit : float
 
     Returns

@@ -241,7 +241,10 @@ class Elicitation:
             self.watch(d, decisions)
 
     def open(self, pairs: Sequence[Pair]) -> tuple[Query, ...]:
-        """Make pairs whose verdict is UNKNOWN the pending queries, and return these."""
+        """Make a query of each pair, and return the queries, which are now the pending ones.
+
+        The verdicts on the pairs are UNKNOWN.
+        """
         pending, number = [], self._number
         for pair in pairs:
             query = self._query(pair, number)
@@ -504,7 +507,10 @@ class Elicitation:
 
     @property
     def guesses(self) -> bool:
-        """True if undecided pairs follow the best guess at the scale, for want of questions."""
+        """True if undecided pairs are decided by the best guess at the scale, and not asked about.
+
+        That is so if the budget is spent, or if the learner puts questions off.
+        """
         return self.puts_off or self.spent
 
     def may_ask(self, d: Floats, places: Callable[[int], Place]) -> NDArray[np.bool_]:

@@ -32,7 +32,7 @@ class Rule(NamedTuple):
 
 
 class Ruled(Protocol):
-    """A comparator that has a rule for compiled loops."""
+    """A comparator that gives its knowledge as a ``Rule``, by which compiled loops decide."""
 
     @property
     def rule(self) -> Rule:
@@ -52,7 +52,10 @@ class LearnsInLoops(Protocol):
     """A comparator that lets a compiled loop add answers to its rule, up to the rule's ``room``."""
 
     def learned_in_loop(self, answers: Answers, rule: Rule) -> Comparator:
-        """Return the comparator after strict answers that a loop has already added to its rule."""
+        """Return the comparator after strict answers that a loop has already added to ``rule``.
+
+        The rule was the comparator's own before the loop added them.
+        """
 
 
 @cache

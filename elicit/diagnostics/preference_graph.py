@@ -144,10 +144,11 @@ def follows(graph: nx.DiGraph) -> list[Implied]:
 
     Nobody needs to ask about these pairs.
 
-    A pair's conclusion is the chain with the fewest answers, then the fewest steps. If two nodes
-    are as good as each other, the pair is listed once, and the node shown first is ``better``. On a
-    cycle every conclusion follows, and its opposite too, so look at ``cycles`` first. There is a
-    shortest-path search for each node.
+    Each conclusion comes with a chain of steps that shows it. Of several chains it is the one that
+    needs the fewest answers, and of these the shortest. If two nodes are as good as each other, the
+    pair is listed once, and the node shown first is ``better``. Between two nodes of a cycle both a
+    conclusion and its opposite follow, so look at ``cycles`` first. The function makes a
+    shortest-path search from each node.
 
     Parameters
     ----------

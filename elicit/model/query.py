@@ -401,7 +401,7 @@ class Answers:
     def to_csv(self, file: File) -> None:
         """Write the columns id, d_1, ..., d_k, answer to a path or an open text.
 
-        If any row says who answered, a column who comes last. ``from_csv`` reads the file.
+        If any row says who answered, there is a last column, ``who``. ``from_csv`` reads the file.
         """
         from elicit.model.answers_csv import write_csv
 

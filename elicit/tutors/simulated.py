@@ -195,8 +195,9 @@ class BradleyTerryTutor(_Simulated):
     """A tutor that errs more often the closer two vectors are, by the paper's eq. (6).
 
     It says "left is better" with probability 1 / (1 + exp(-precision * d.e)). So answers about near
-    ties are often wrong, and those about clear cases rarely. The share of wrong answers depends on
-    the typical |d.e| too: ``from_error_rate`` finds the precision for a share.
+    ties are often wrong, and those about clear cases rarely. The share of wrong answers also
+    depends on how large |d.e| is in the questions. ``from_error_rate`` finds the precision that
+    gives a wanted share.
 
     Parameters
     ----------
@@ -208,8 +209,9 @@ class BradleyTerryTutor(_Simulated):
         Draws the errors. None: a new seed.
     tie : float
         With a tie w > 0 the tutor follows Rao and Kupper (1967). It says "left" with probability 1
-        / (1 + exp(-precision * (d.e - w))), "right" likewise, and EQUAL otherwise. With 0, only
-        identical vectors are EQUAL, and an exact tie is a coin toss.
+        / (1 + exp(-precision * (d.e - w))), "right" likewise, and EQUAL otherwise. With w = 0 it
+        says EQUAL only of identical vectors. Of two others with d.e = 0 it chooses one by a coin
+        toss.
 
     Raises
     ------

@@ -127,7 +127,7 @@ def problem_of(own: Own, seed: int) -> tuple[OrdinalMDP, Floats]:
 def comparator_of(own: Own, k: int, seed: int) -> Comparator:
     """Return the comparator that a factory(k, seed) makes.
 
-    Raise ValueError for anything else, and for another number of levels.
+    Raise ValueError if its result is no comparator, or has another number of levels than k.
     """
     from elicit.model.comparator import check_comparator_made
 

@@ -148,7 +148,7 @@ def drive(
 
 
 def _check_learner(learner: object, tutor: object) -> None:
-    """Raise TypeError unless the learner has ``ask``, ``tell`` and ``result``."""
+    """Raise TypeError unless the learner has ``ask``, ``tell`` and ``comparator``."""
     parts = ("ask", "tell", "comparator")
     lacking = [part for part in parts if not hasattr(learner, part)]
     if not lacking and not isinstance(learner, type):

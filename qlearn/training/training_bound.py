@@ -156,10 +156,10 @@ def observed_gap(policies: Sequence[TrainedPolicy]) -> float:
 
 
 def is_broken(policies: Sequence[TrainedPolicy], gap: float) -> bool:
-    """Return whether some policy refutes the assumed ``gap`` of a trained one.
+    """Return whether some policy shows that a training ended more than ``gap`` below its optimum.
 
-    It does if it is better, at the scale that was trained on, by more than the gap and the standard
-    errors of both policies.
+    Each policy is compared with each trained one, at the scale that the latter was trained on. It
+    shows this if it is better by more than ``gap`` plus the standard errors of the two policies.
     """
     if all(policy.trained_on is None for policy in policies):
         return False

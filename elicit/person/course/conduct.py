@@ -193,7 +193,11 @@ class Conduct:
 
     @property
     def unresolved(self) -> bool:
-        """True if some check was answered differently, and more checks would explain it."""
+        """True if some check was answered differently, and more checks could show why.
+
+        It is False once the person has passed, or answers about as well as by chance, or has
+        answered the greatest number of checks.
+        """
         may = self.checks < MOST_CHECKS and not self.like_chance
         return self.differed > 0 and may and not self.passed
 
