@@ -14,7 +14,6 @@ HASTY = 1.0
 """Seconds in which hardly anyone reads a question."""
 FEW_HASTY = 3
 """Answers in under a second that are worth a remark."""
-_HASTY_SHARE = 0.2  # share of them that is worth a remark at the end
 _KNOWN_AFTER = 3  # answers
 _BREAK = 300.0  # seconds: a person who takes longer was away, and the rest does not count
 
@@ -54,8 +53,12 @@ class Pace:
         )
 
     def remark(self) -> str | None:
-        """Return a sentence on answers that came very fast, or None if they were few."""
-        if self.hasty < FEW_HASTY or self.hasty < _HASTY_SHARE * self.timed:
+        """Return a sentence on answers that came very fast, or None if they were few.
+
+        No share of all answers is asked for: more answers that take longer would then silence it,
+        although the fast ones still count.
+        """
+        if self.hasty < FEW_HASTY:
             return None
         return (
             f"{self.hasty} of {self.timed} answers came in under a second, which is hardly enough "
