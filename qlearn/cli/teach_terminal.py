@@ -301,6 +301,7 @@ def report_lines(screen: dict[str, Any], width: int) -> list[str]:
     said = (
         end["headline"],
         end["caution"],
+        end["size"],
         end["sure"],
         end["before"],
         *end["remarks"],
