@@ -367,7 +367,7 @@ class Drawing:
         back = counts.withdrawn
         if back and found.settled and enough and caution is None:
             those = "answer" if back == 1 else in_answers(back)
-            sure = f"{sure} It does not use the {those} that you took back.".strip()
+            sure = f"{sure} The result does not use the {those} that you took back.".strip()
         if caution is not None:
             changes, plan = (
                 table and replace(table, note=f"This holds only {_IF_MEANT}. {table.note}")

@@ -117,18 +117,18 @@ _NEARLY = 0.03  # an alternative worth as much less than the best is nearly as g
 _FEW_NAMED = 3  # alternatives that are named in a sentence
 _NARROW = 0.5  # width of a range, a share of the whole, up to which a best guess is said
 
-_SHORT = "by which your plan could fall short of your ideal plan"
-_BETTER = "by which another alternative could be better"
+_SHORT = "your plan falls short of your ideal plan by"
+_BETTER = "another alternative is better by"
 
 
 def _size(told: InWords, loss: float, what: str) -> str:
     """Return sentences on how much a loss is, in the problem's own unit, or "" if unknown.
 
-    ``what`` is the loss in words, after "The most".
+    ``what`` is the loss in words, between "At most," and its size.
     """
     if np.isnan(loss):
         return ""
-    return f"The most {what} is {told.loss(loss)}. That shows how much it is. It is no forecast."
+    return f"At most, {what} {told.loss(loss)}. This is a measure of size, not a forecast."
 
 
 def _until(told: InWords) -> str:
@@ -387,6 +387,7 @@ def choice_nearly(
     if sure is None or not _is_little(told, loss, before):
         return None
     size = _size(told, loss, _BETTER)
+    near.sort(key=lambda i: -points[i])
     *some, last = [f"“{printable(names[i])}”" for i in near]
     if not some:
         return NearlyEnough(

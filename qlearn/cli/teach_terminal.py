@@ -301,8 +301,8 @@ def report_lines(screen: dict[str, Any], width: int) -> list[str]:
     said = (
         end["headline"],
         end["caution"],
-        end["size"],
         end["sure"],
+        end["size"],
         end["before"],
         *end["remarks"],
         end["next"],

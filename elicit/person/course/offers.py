@@ -70,6 +70,9 @@ def nearly_is_due(conduct: Conduct, offered: int) -> bool:
 
 
 def may_be_near(conduct: Conduct, least: int) -> bool:
-    """Return whether there are answers and checks enough to say that little could be lost."""
-    reliable = conduct.checks > 0 and not conduct.unresolved and not conduct.like_chance
-    return reliable and conduct.with_verdict >= least
+    """Return whether there are answers and checks enough to say that little could be lost.
+
+    If the person stopped then, the end would have no caution.
+    """
+    checked = conduct.checks > 0 and conduct.caution(at_end=True) is None
+    return checked and conduct.with_verdict >= least

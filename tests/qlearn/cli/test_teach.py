@@ -160,9 +160,10 @@ def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: P
     said = report(teach.shown)
     sure = "if your answers are right" if comparator == "polytope" else "with 95% probability"
     loss = (
-        r"settled\. It comes within ([\d.]+) in 100 of your ideal plan\. The most by which your "
-        r"plan could fall short of your ideal plan is as much value as if \1 in 100 days were at “"
-        rf"level 1” instead of “level 5”\. .* We stop asking below 1 in 100\. This holds {sure}\."
+        r"settled\. It comes within ([\d.]+) in 100 of your ideal plan\. This holds "
+        rf"{sure}\. .* At most, your "
+        r"plan falls short of your ideal plan by as much value as if \1 in 100 days were at “"
+        rf"level 1” instead of “level 5”\. .* We stop asking below 1 in 100\."
     )
     bound = re.search(loss, " ".join(said.split()))
     assert bound
@@ -409,10 +410,7 @@ def test_a_plan_is_said_before_the_first_question_and_ends_the_session(
     assert "You planned 2 questions, and answered 2." in said
     assert "This is the result so far. More could be asked." in said
     assert re.search(r"It could still fall \S+ in 100 short of your ideal plan\.", said)
-    assert (
-        "The most by which your plan could fall short of your ideal plan is as much value as "
-        in said
-    )
+    assert "At most, your plan falls short of your ideal plan by as much value as " in said
     code, shown, _ = taught("a\n" * 2 + "q\n", monkeypatch, capsys, *options, "--log", log)
     assert "You planned 4 questions, and answered 4." in " ".join(shown.split())
     with pytest.raises(SystemExit):
@@ -765,7 +763,8 @@ def test_a_family_is_taught_in_its_own_words_and_a_seed_draws_it(
     assert "A steady post or a venture" in shown
     assert "Two groups of 10 years" in shown
     said = " ".join(report(shown).split())
-    assert "in 100 of your ideal plan. The most by which your plan could fall short of" in said
+    assert "in 100 of your ideal plan. This holds " in said
+    assert "At most, your plan falls short of your ideal plan by as much value " in said
 
 
 def test_two_people_in_one_folder_have_a_log_each(

@@ -40,8 +40,10 @@ def test_the_end_is_offered_after_some_answers_and_then_after_some_more(
     [
         ({}, True),
         ({"checks": 0}, False),  # nothing has been checked
-        ({"differed": 1}, False),  # more checks would explain it
-        ({"checks": 11, "differed": 1}, True),  # they did
+        ({"differed": 1}, True),  # one of three
+        ({"checks": 2, "differed": 1}, False),  # half of them
+        ({"checks": 11, "differed": 2}, True),
+        ({"in_a_row": 12}, False),  # always the same side
         ({"checks": 4, "differed": 3}, False),  # like guesses
         ({"with_verdict": 4}, False),
     ],
