@@ -363,7 +363,8 @@ class Drawing:
             size = sure = before = ""
         elif nearly is not None:
             headline, sure, size = f"{nearly.heading}.", nearly.text, nearly.size
-            after = f"You can stop here. {found.more if left else ''}".strip()
+            checks = "" if conduct.passed else " More answers would also check those you gave."
+            after = f"You can stop here.{checks or f' {found.more}' if left else ''}".strip()
         back = counts.withdrawn
         if back and found.settled and enough and caution is None:
             those = "answer" if back == 1 else in_answers(back)

@@ -96,8 +96,10 @@ class NextQuestion:
 
         There is none without enough answers and checks, or if nothing is at stake.
         """
+        if not may_be_near(conduct, self._subject.least):
+            return None
         start = self.at_start()
-        if start is None or start.finished or not may_be_near(conduct, self._subject.least):
+        if start is None or start.finished:
             return None
         return self._subject.nearly(self._session.result(), start.loss)
 

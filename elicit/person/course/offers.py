@@ -11,6 +11,7 @@ NEARLY_FROM = 12
 """Answers, repeats among them, from which on little loss is reason enough to offer the end."""
 NEARLY_AGAIN = 10
 """Further answers after an offer until the end is offered again for that reason."""
+_CASES = 4  # people who answer by chance, of whom at most one does so well in the checks
 
 _STOP = {"option": "finish", "label": "Finish now and show the result"}
 
@@ -74,5 +75,5 @@ def may_be_near(conduct: Conduct, least: int) -> bool:
 
     If the person stopped then, the end would have no caution.
     """
-    checked = conduct.checks > 0 and conduct.caution(at_end=True) is None
+    checked = conduct.cases >= _CASES and conduct.caution(at_end=True) is None
     return checked and conduct.with_verdict >= least

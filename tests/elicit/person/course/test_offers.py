@@ -40,8 +40,9 @@ def test_the_end_is_offered_after_some_answers_and_then_after_some_more(
     [
         ({}, True),
         ({"checks": 0}, False),  # nothing has been checked
-        ({"differed": 1}, True),  # one of three
-        ({"checks": 2, "differed": 1}, False),  # half of them
+        ({"checks": 1}, False),  # half of those who answer by chance do as well
+        ({"differed": 1}, False),
+        ({"checks": 5, "differed": 1}, True),
         ({"checks": 11, "differed": 2}, True),
         ({"in_a_row": 12}, False),  # always the same side
         ({"checks": 4, "differed": 3}, False),  # like guesses
