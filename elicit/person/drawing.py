@@ -13,7 +13,7 @@ from elicit._support.distribution import version
 from elicit.model.query import Verdict
 from elicit.person.asker import Compares, Supposed
 from elicit.person.course.choices import Choices
-from elicit.person.course.conclusion import Conclusion, in_unit
+from elicit.person.course.conclusion import Conclusion, in_unit, per_hundred
 from elicit.person.course.conduct import choice_of, was_settled
 from elicit.person.course.counts import Counts, in_answers, numbered
 from elicit.person.course.drift import Drift
@@ -80,20 +80,22 @@ class Drawing:
 
     def in_prospect(self, found: Prospect) -> str:
         """Return a sentence on what a number of questions is likely to prove."""
-        words, n = self._subject.words, found.sessions
+        n = found.sessions
         if found.settled == n:
             return f"Settled in all {n} simulated sessions."
         said = f"Settled in {found.settled} of {n} simulated sessions."
         if 2 * found.settled > n or math.isnan(found.loss):
             return said
-        most = in_unit(found.loss, words.unit, self._subject.labels, words.loss)
-        return printable(f"{said} Half of all {n} could still lose {most}.")
+        return f"{said} Half of all {n} could still fall {per_hundred(found.loss)} short."
 
     def _before(self, loss: float) -> str:
         """Return a sentence on the loss that was possible before the first answer."""
         words = self._subject.words
         most = in_unit(loss, words.unit, self._subject.labels, words.loss)
-        return f"Without your answers the result could lose {most}, compared with your ideal one."
+        return (
+            f"Without your answers the result could fall {per_hundred(loss)} short of your ideal "
+            f"one. That is {most}."
+        )
 
     def _conflicts_found(self) -> tuple[tuple[Entry, ...], ...]:
         """Return ``Session.conflicts``, which are computed once for the same answers."""
@@ -338,9 +340,13 @@ class Drawing:
         headline, said = found.headline, [*found.statements]
         after = f"{found.next} {found.more if left else ''}".strip()
         start = self._questions.at_start() if found.headline else None
-        sure, before, changes, plan = found.sure, found.before, found.changes, found.plan
+        size, sure, before = found.size, found.sure, found.before
+        changes, plan = found.changes, found.plan
+        may_be_near = found.headline and not found.settled and caution is None
+        nearly = self._questions.nearly(conduct) if may_be_near else None
         if not conduct.with_verdict and start is not None and not start.finished:
-            sure, changes, plan = "", None, None  # there is nothing yet that could hold or change
+            size = sure = ""
+            changes, plan = None, None  # there is nothing yet that could hold or change
             after = found.more if left else ""
             before = "" if start.loss is None else self._before(start.loss)
             headline = (
@@ -354,11 +360,15 @@ class Drawing:
             after = "A few more answers can change that. Take back any that you do not mean."
             if_meant = f"If every answer is meant as it was given: {found.headline} {found.sure}"
             said.append(if_meant.strip())
-            sure = before = ""
+            size = sure = before = ""
+        elif nearly is not None:
+            headline, sure, size = f"{nearly.heading}.", nearly.text, nearly.size
+            checks = "" if conduct.passed else " More answers would also check those you gave."
+            after = f"You can stop here.{checks or f' {found.more}' if left else ''}".strip()
         back = counts.withdrawn
         if back and found.settled and enough and caution is None:
             those = "answer" if back == 1 else in_answers(back)
-            sure = f"{sure} It does not use the {those} that you took back.".strip()
+            sure = f"{sure} The result does not use the {those} that you took back.".strip()
         if caution is not None:
             changes, plan = (
                 table and replace(table, note=f"This holds only {_IF_MEANT}. {table.note}")
@@ -369,12 +379,14 @@ class Drawing:
         settled = found.settled and caution is None and enough
         return {
             "headline": printable(headline),
+            "size": printable(size),
             "sure": printable(sure),
             "next": printable(after),
             "before": printable(before),
             "caution": caution,
             "remarks": self._remarks() if subject.least else [],
             "settled": settled,
+            "status": "Settled" if settled else "Little left to gain" if nearly else "Not settled",
             "more": left,
             "finished": over,
             "open": f"There is no finer question in whole numbers. {subject.finer}".strip()

@@ -99,19 +99,19 @@ A conflict has ``id``, ``heading``, ``text``, ``answers`` (each with ``number``,
 and ``label``. An offer has ``heading``, ``text`` and ``options``, each with ``option`` and
 ``label``.
 
-The end has ``headline``, ``sure``, ``next``, ``before`` (texts), ``caution`` (a sentence on why the
-answers say little, or null), ``remarks`` (sentences on answers that came very fast, and on repeats
-that differ more often in one half of the session), ``settled``, ``finished`` (false if a question
-waits), ``more`` (true if something is left to ask), ``open`` (the reason why there is no question
-though more could be asked, or null), ``scale`` (rows, best level first: ``label``, ``value``,
-``low``, ``high``, from 0 to 100, ``asked``, false for a level that no answer is about, and
-``known``, false if the best guess is not to be shown), ``scale_notes`` (sentences that go with it),
-``certainty`` (of the intervals), ``by_chance`` (a sentence on how often answers by chance would do
-as well in the checks, or ""), ``statements``, ``changes`` and ``plan`` (tables: ``title``,
-``note``, ``columns``, ``rows``, or null), ``downloads`` (each with ``what`` and ``name``),
-``facts`` (pairs), ``limits``, ``counts`` and ``conflicts``
-(lists of ``id``, ``number`` and ``sentence``). ``counts`` has the numbers of ``Counts``, and
-``given`` and ``checks`` say them in sentences.
+The end has ``headline``, ``size``, ``sure``, ``next``, ``before`` (texts), ``status`` (the state of
+the result in a few words), ``caution`` (a sentence on why the answers say little, or null),
+``remarks`` (sentences on answers that came very fast, and on repeats that differ more often in one
+half of the session), ``settled``, ``finished`` (false if a question waits), ``more`` (true if
+something is left to ask), ``open`` (the reason why there is no question though more could be asked,
+or null), ``scale`` (rows, best level first: ``label``, ``value``, ``low``, ``high``, from 0 to 100,
+``asked``, false for a level that no answer is about, and ``known``, false if the best guess is not
+to be shown), ``scale_notes`` (sentences that go with it), ``certainty`` (of the intervals),
+``by_chance`` (a sentence on how often answers by chance would do as well in the checks, or ""),
+``statements``, ``changes`` and ``plan`` (tables: ``title``, ``note``, ``columns``, ``rows``, or
+null), ``downloads`` (each with ``what`` and ``name``), ``facts`` (pairs), ``limits``, ``counts``
+and ``conflicts`` (lists of ``id``, ``number`` and ``sentence``). ``counts`` has the numbers of
+``Counts``, and ``given`` and ``checks`` say them in sentences.
 """
 
 from __future__ import annotations
@@ -127,6 +127,7 @@ from elicit._support.closing import Closing
 from elicit.model.comparator import Comparator
 from elicit.person.asker import Compares
 from elicit.person.beside import Beside, Company, in_minutes
+from elicit.person.course import offers
 from elicit.person.course.choices import CHOICES, Choices
 from elicit.person.course.conduct import Conduct
 from elicit.person.course.counts import Counts, number_of
@@ -547,31 +548,25 @@ class Interview(Closing):
 
     def _offer(self, conduct: Conduct) -> dict[str, Any] | None:
         """Return the offer to the person before the next question, or None."""
-        n = conduct.put
-        if n <= self._chosen.offered or not self._subject.least:
+        n, least = conduct.put, self._subject.least
+        if n <= self._chosen.offered or not least:
             return None
-        stop = {"option": "finish", "label": "Finish now and show the result"}
         if conduct.offers:
-            return {
-                "heading": f"You could not tell {conduct.in_a_row} times in a row",
-                "text": "That is fine. What would you like to do?",
-                "options": [
-                    {"option": "other", "label": "Try another kind of question"},
-                    {"option": "on", "label": "Go on as before"},
-                    {"option": "pause", "label": "Take a break"},
-                    stop,
-                ],
-            }
+            return offers.after_unsure(conduct.in_a_row, self._questions.nearly(conduct))
         planned, minutes = self._planned(conduct), self._chosen.minutes
         if planned is not None and n >= planned and self._session.question() is not None:
-            return {
-                "heading": f"You planned {planned} questions, and answered {n}"
+            over = (
+                f"You planned {planned} questions, and answered {n}"
                 if minutes is None
                 else f"Your {in_minutes(minutes)} {'is' if minutes == 1 else 'are'} over, and you "
-                f"answered {n} questions",
-                "text": "You can see the result now, or go on for a smaller uncertainty.",
-                "options": [stop, {"option": "on", "label": "Go on until it is settled"}],
-            }
+                f"answered {n} questions"
+            )
+            return offers.after_plan(over, self._questions.nearly(conduct))
+        if offers.nearly_is_due(conduct, self._chosen.offered) and not self._chosen.more:
+            nearly = self._questions.nearly(conduct)
+            asks_on = self._session.question() is not None and not self._questions.only_checks()
+            if nearly is not None and asks_on:
+                return offers.after_little_loss(nearly)
         return None
 
     def _choose(self, option: str) -> dict[str, Any]:

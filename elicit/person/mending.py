@@ -23,6 +23,10 @@ _IMPLIED = (
     "Check question: your earlier answers already point to one side. A second look guards against "
     "errors."
 )
+_CHECK_TAKEN_BACK = (
+    "This is the same check again, because you took back your answer to it. Your first answer to "
+    "this question still stands. Choose as you see it now."
+)
 _TAKEN_BACK = (
     "This is the same question again, because you took back your answer to it and it still tells "
     "the program the most. After “I cannot tell” it does not come again."
@@ -49,10 +53,11 @@ class Mending:
 
     def check(self, query: Query) -> str:
         """Return a sentence on why a question comes that looks answered already, or ""."""
+        withdrawn = (e for e in self._session.log if e.retracted and not was_settled(e))
+        taken_back = any(entry.answer.query.id == query.id for entry in withdrawn)
         if self._session.is_repeat(query.id):
-            return _AGAIN
-        taken_back = (e for e in self._session.log if e.retracted and not was_settled(e))
-        if any(entry.answer.query.id == query.id for entry in taken_back):
+            return _CHECK_TAKEN_BACK if taken_back else _AGAIN
+        if taken_back:
             return _TAKEN_BACK
         if query.id.startswith(ORDER):
             return _ORDER

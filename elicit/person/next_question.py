@@ -13,8 +13,10 @@ from typing import Any
 from elicit.model.query import Query
 from elicit.person.asker import Compares
 from elicit.person.course.choices import Choices
+from elicit.person.course.conclusion import NearlyEnough
 from elicit.person.course.conduct import IN_CONFLICT, ORDER, Conduct
 from elicit.person.course.level_questions import known_question, level_question, order_question
+from elicit.person.course.offers import may_be_near
 from elicit.person.course.start import Before, Start
 from elicit.person.findings import asked_levels
 from elicit.person.session import Session
@@ -89,6 +91,18 @@ class NextQuestion:
         further = max(0, self._subject.least - answers)
         return further, self._session.checks_left(id, further)
 
+    def nearly(self, conduct: Conduct) -> NearlyEnough | None:
+        """Return a statement that little could be lost by stopping now, or None.
+
+        There is none without enough answers and checks, or if nothing is at stake.
+        """
+        if not may_be_near(conduct, self._subject.least):
+            return None
+        start = self.at_start()
+        if start is None or start.finished:
+            return None
+        return self._subject.nearly(self._session.result(), start.loss)
+
     def only_checks(self) -> bool:
         """Return whether no question is left but those that are still needed."""
         if not self._subject.least or self._chosen.more:
@@ -139,8 +153,12 @@ class NextQuestion:
         if needed and not few and enough is not None and not enough(self._session.result()):
             if (check := self._session.checking()) is not None:
                 return check
-            few = True
-        if (self._chosen.more or few) and (found := self.about_a_level(few)) is not None:
+            # where little is left to gain, questions whose answers follow from others add nothing
+            few = self.nearly(conduct) is None
+            open_still = True
+        else:
+            open_still = self._chosen.more or few
+        if open_still and (found := self.about_a_level(few)) is not None:
             return found
         return self._session.confirming() if needed or self._chosen.more else None
 

@@ -213,12 +213,12 @@ def technical_details(facts: Mapping[str, str]) -> Iterator[str]:
 
 
 def _headline(end: Mapping[str, Any]) -> Iterator[str]:
-    """Return the conclusion: the finding, how sure it is, and the loss that was possible before."""
+    """Return the conclusion: the finding, how sure it is, its size, and the loss before."""
     if end.get("headline"):
         yield f'<p class="headline">{escaped(end["headline"])}</p>'
     if end.get("caution"):
         yield f'<p class="caution">{escaped(end["caution"])}</p>'
-    for name in ("sure", "before"):
+    for name in ("sure", "size", "before"):
         if end.get(name):
             yield f"<p>{escaped(end[name])}</p>"
     for said in end.get("remarks", ()):

@@ -16,7 +16,7 @@ import numpy as np
 from elicit._support.validation import is_list, is_whole, require
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats
-from elicit.person.course.conclusion import Conclusion, SessionFacts
+from elicit.person.course.conclusion import Conclusion, NearlyEnough, SessionFacts
 
 Choice: TypeAlias = Literal["a", "b", "equal", "cannot tell"]
 
@@ -82,6 +82,10 @@ def _unsaid(_: Any) -> None:
     return None
 
 
+def _nothing_is_near(_: Any, before: float | None) -> None:
+    return None
+
+
 def _nothing_concluded(_: Any, before: float | None) -> Conclusion:
     return Conclusion()
 
@@ -119,6 +123,9 @@ class Subject:
         Returns whether the outcome of ``Session.result`` is sure enough to end once the asker has
         no question. Until then the interview asks about the levels of which most is open. Default:
         it always is.
+    nearly : callable
+        Takes what ``conclude`` takes. Returns a statement that little could be lost by stopping,
+        although questions are left, or None. The interview then offers to stop.
     """
 
     labels: tuple[str, ...]
@@ -134,6 +141,9 @@ class Subject:
     )
     facts: SessionFacts = field(default_factory=SessionFacts)
     enough: Callable[[Any], bool] | None = field(default=None, repr=False)
+    nearly: Callable[[Any, float | None], NearlyEnough | None] = field(
+        default=_nothing_is_near, repr=False
+    )
 
 
 class Row(NamedTuple):

@@ -13,12 +13,18 @@ from elicit._support.fixed_order import product
 from elicit.asking.choose_from_list import Choice
 from elicit.decision.verdicts import decide
 from elicit.model.comparator import bounds_of
-from elicit.model.comparator_parts import best_guess, wrong_of
+from elicit.model.comparator_parts import best_guess, simultaneous_bounds, wrong_of
 from elicit.model.difference import tail_sums
 from elicit.model.outcomes import Status, assumed_of_answers
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats
-from elicit.person.course.conclusion import Conclusion, ResultTable, in_unit, per_hundred
+from elicit.person.course.conclusion import (
+    Conclusion,
+    NearlyEnough,
+    ResultTable,
+    in_unit,
+    per_hundred,
+)
 from elicit.person.showing import Words, printable
 from qlearn.learners.learner import Result
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -70,17 +76,15 @@ def policy_conclusion(
     """
     bound = result.loss_bound
     settled = bound <= told.tolerance
-    most, more = told.loss(bound), ""
+    most, more = per_hundred(bound), ""
     if np.isnan(bound):
-        headline = "How much your plan could lose cannot be stated."
+        headline = "How far your plan may fall short of your ideal plan cannot be stated."
         after = "Another comparator can state it."
     elif settled:
-        headline = f"Your plan is settled. Compared with your ideal plan, it loses at most {most}."
+        headline = f"Your plan is settled. It comes within {most} of your ideal plan."
         after, more = "You can stop here.", "More answers would narrow the values below."
     else:
-        headline = (
-            f"Your plan is not settled. Compared with your ideal plan, it could still lose {most}."
-        )
+        headline = f"Your plan is not settled. It could still fall {most} short of your ideal plan."
         after = {
             Status.CALLED_EQUAL: "What is still open, you called equally good.",
             Status.UNSURE: "Where you could not tell, the plan follows the best guess.",
@@ -90,12 +94,13 @@ def policy_conclusion(
     unasked = (
         ""
         if before is None
-        else f"Before your first answer it could have lost {told.loss(before)}."
+        else f"Before your first answer the plan could have fallen {per_hundred(before)} short."
     )
     differing = _differing(told, mdp, result)
     return Conclusion(
         headline=headline,
-        sure=f"{_sure(result)} {_ideal(told)} {_COMPARES}",
+        size=f"{_size(told, bound, _SHORT)} {_until(told)}".strip(),
+        sure=f"{_sure(result)} The ideal plan is the one for your exact values.",
         next=after,
         more=more,
         before=unasked,
@@ -103,8 +108,8 @@ def policy_conclusion(
         plan=_plan(told, mdp, action_words, result, differing),
         result=_whole_policy(told, mdp, action_words, result, differing),
         settled=settled,
-        early=f"So far, compared with your ideal plan, your plan loses at most {most}. Your "
-        "answers are not checked yet.",
+        early=f"So far your plan comes within {most} of your ideal plan. Your answers are not "
+        "checked yet.",
     )
 
 
@@ -112,7 +117,23 @@ _NEARLY = 0.03  # an alternative worth as much less than the best is nearly as g
 _FEW_NAMED = 3  # alternatives that are named in a sentence
 _NARROW = 0.5  # width of a range, a share of the whole, up to which a best guess is said
 
-_COMPARES = "The loss compares what outcomes are worth to you. It does not predict any."
+_SHORT = "your plan falls short of your ideal plan by"
+_BETTER = "another alternative is better by"
+
+
+def _size(told: InWords, loss: float, what: str) -> str:
+    """Return sentences on how much a loss is, in the problem's own unit, or "" if unknown.
+
+    ``what`` is the loss in words, between "At most," and its size.
+    """
+    if np.isnan(loss):
+        return ""
+    return f"At most, {what} {told.loss(loss)}. This is a measure of size, not a forecast."
+
+
+def _until(told: InWords) -> str:
+    """Return a sentence on when questions end."""
+    return f"We stop asking below {per_hundred(told.tolerance)}."
 
 
 class _Differing(NamedTuple):
@@ -314,17 +335,82 @@ def policy_stakes(told: InWords, result: Result) -> str | None:
     if np.isnan(result.loss_bound):
         return None
     return (
-        f"Compared with your ideal plan, the plan could still lose {told.loss(result.loss_bound)}. "
-        f"We stop below {per_hundred(told.tolerance)}."
+        f"So far the plan could fall {per_hundred(result.loss_bound)} short of your ideal plan. "
+        f"That is {told.loss(result.loss_bound)}. {_until(told)}"
     )
 
 
-def _ideal(told: InWords) -> str:
-    """Return a sentence on what a policy is compared with, and on when questions end."""
-    return (
-        "The ideal plan is the one for your exact values. Questions end once yours is within "
-        f"{per_hundred(told.tolerance)} of it."
+_LITTLE = 4.0  # tolerances up to which a loss is little: stopping is then offered
+_OF_BEFORE = 2 / 3  # share of the loss before the first answer up to which a loss is little
+
+
+def _is_little(told: InWords, loss: float, before: float | None) -> bool:
+    """Return whether so little can be lost that more questions may not be worth it."""
+    most = _LITTLE * told.tolerance
+    return loss <= (most if before is None else min(most, _OF_BEFORE * before))
+
+
+def policy_nearly(told: InWords, result: Result, before: float | None) -> NearlyEnough | None:
+    """Return a statement that the policy so far can lose little, or None."""
+    bound, sure = result.loss_bound, _with_certainty(result, result.confidence)
+    if sure is None or not told.tolerance < bound or not _is_little(told, bound, before):
+        return None
+    return NearlyEnough(
+        "Your plan is already close to your ideal plan",
+        f"{sure} it falls at most {per_hundred(bound)} short of it. More questions can bring that "
+        f"below {per_hundred(told.tolerance)}.",
+        _size(told, bound, _SHORT),
     )
+
+
+def choice_nearly(
+    told: InWords, names: Sequence[str], shares: Floats, result: Choice, before: float | None
+) -> NearlyEnough | None:
+    """Return a statement that some alternatives can each lose little, or None.
+
+    They are the best guess, and as many of those nearly as good by it as the statement holds for
+    with the same certainty.
+    """
+    if not _is_little(told, result.loss_bound, before):
+        return None
+    best, points = list(names).index(result.name), _points(shares, result)
+    order = [i for i in np.argsort(-points, kind="stable").tolist() if i != best]
+    near = [best, *(i for i in order[:_FEW_NAMED] if points[best] - points[i] <= _NEARLY)]
+    while True:
+        apart = [shares[j] - shares[i] for i in near for j in range(len(names)) if j != i]
+        high, confidence = simultaneous_bounds(result.comparator, np.array(apart))
+        loss = max(0.0, float(high.max(initial=0.0)))
+        if len(near) == 1 or _is_little(told, loss, before):
+            break
+        near.pop()
+    sure = _with_certainty(result, confidence)
+    if sure is None or not _is_little(told, loss, before):
+        return None
+    size = _size(told, loss, _BETTER)
+    near.sort(key=lambda i: -points[i])
+    *some, last = [f"“{printable(names[i])}”" for i in near]
+    if not some:
+        return NearlyEnough(
+            f"{last} is the best for you, or nearly so",
+            f"{sure} no other alternative is better by more than {per_hundred(loss)}.",
+            size,
+        )
+    return NearlyEnough(
+        f"{', '.join(some)} and {last} are nearly equal to you",
+        f"Whichever of them you choose, you lose little: {sure[0].lower()}{sure[1:]} no "
+        f"alternative is better than that one by more than {per_hundred(loss)}.",
+        size,
+    )
+
+
+def _with_certainty(result: Result | Choice, confidence: float) -> str | None:
+    """Return the start of a sentence on how certain it is; None if that cannot be stated."""
+    if np.isnan(confidence):
+        return None
+    if confidence == 1.0:
+        assumed = assumed_of_answers(wrong_of(result.comparator), "your")
+        return f"{assumed[0].upper()}{assumed[1:]},"
+    return f"With {confidence:.0%} probability,"
 
 
 def _sure(result: Result | Choice) -> str:
@@ -343,7 +429,7 @@ def choice_conclusion(
 
     ``shares`` (n, k) has a row for each alternative.
     """
-    most, sure, best = told.loss(result.loss_bound), _sure(result), printable(result.name)
+    most, sure, best = per_hundred(result.loss_bound), _sure(result), printable(result.name)
     settled = choice_holds(told, result)
     if settled:
         near = result.status is Status.CALLED_EQUAL and result.loss_bound > 0
@@ -352,7 +438,7 @@ def choice_conclusion(
         headline = f"{headline} {_nearly_as_good(names, shares, result)}".strip()
         no_better = "no other alternative is better"
         if result.loss_bound > 0:
-            no_better = f"compared with any other alternative, it loses at most {most}"
+            no_better = f"no other alternative is better by more than {most}"
         if 0.0 < result.confidence < 1.0:
             sure = f"With {result.confidence:.0%} probability {no_better}."
         else:
@@ -361,20 +447,20 @@ def choice_conclusion(
         more = "More answers would make it surer." if result.loss_bound > 0 else ""
     else:
         headline = f"The choice is open. The best guess so far is “{result.name}”."
-        after = (
-            f"Another alternative may be better. Then the best guess loses at most {most}. {sure}"
-        )
+        after = f"Another alternative may be better, by at most {most}. {sure}"
         more = "More answers help."
         sure = ""  # it belongs to that sentence, not to the headline
     unasked = (
         ""
         if before is None
-        else f"Before your first answer the choice could have lost {told.loss(before)}."
+        else f"Before your first answer another alternative could have been better by "
+        f"{per_hundred(before)}."
     )
     worth = _worth(told, names, shares, result)
     rows = tuple((row[0], *row[-2:], "chosen" if row[0] == best else "") for row in worth.rows)
     return Conclusion(
         headline=headline,
+        size=f"{_size(told, result.loss_bound, _BETTER)} {_until(told)}".strip(),
         sure=sure,
         next=after,
         more=more,
@@ -470,4 +556,7 @@ def choice_stakes(told: InWords, result: Choice) -> str | None:
     """Return a sentence on what the choice can lose."""
     if np.isnan(result.loss_bound):
         return None
-    return f"The choice could still lose {told.loss(result.loss_bound)}."
+    return (
+        f"So far another alternative could be better by {per_hundred(result.loss_bound)}. That is "
+        f"{told.loss(result.loss_bound)}. {_until(told)}"
+    )

@@ -28,10 +28,12 @@ from qlearn.cli.conclusions import (
     InWords,
     choice_conclusion,
     choice_holds,
+    choice_nearly,
     choice_stakes,
     icu_dose,
     icu_state,
     policy_conclusion,
+    policy_nearly,
     policy_stakes,
 )
 from qlearn.experiments.catalogue import COMPARATORS, PROBLEMS
@@ -136,6 +138,7 @@ def taught_by(
         facts=_facts(
             problem, header, comparator, seed, ("Tolerance", per_hundred(tolerance)), like=like
         ),
+        nearly=partial(policy_nearly, told),
     )
 
     def plan(known: Comparator, questions: int) -> str:
@@ -315,6 +318,7 @@ def _choice(
             str(path), header, comparator, seed, ("Tolerance", per_hundred(tolerance)), like=like
         ),
         enough=partial(choice_holds, told),
+        nearly=partial(choice_nearly, told, names, shares),
     )
     following = partial(cost_of_following_a_choice, shares)
     return Taught(subject, make, header, hint, following=following)

@@ -302,6 +302,7 @@ def report_lines(screen: dict[str, Any], width: int) -> list[str]:
         end["headline"],
         end["caution"],
         end["sure"],
+        end["size"],
         end["before"],
         *end["remarks"],
         end["next"],

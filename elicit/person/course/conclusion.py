@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,8 @@ class Conclusion:
     ----------
     headline
         The conclusion, in a sentence or two.
+    size
+        How much the loss in the headline is, in the problem's own unit; "" if unknown.
     sure
         How sure it is.
     next
@@ -66,6 +69,7 @@ class Conclusion:
     """
 
     headline: str = ""
+    size: str = ""
     sure: str = ""
     next: str = ""
     more: str = ""
@@ -76,6 +80,18 @@ class Conclusion:
     result: ResultTable | None = None
     settled: bool = False
     early: str = ""
+
+
+class NearlyEnough(NamedTuple):
+    """A statement that little could be lost by stopping, although questions are left.
+
+    ``heading`` has no full stop. ``text`` and ``size`` are sentences: how little it is and how sure
+    that is, and how much this is in the problem's own unit.
+    """
+
+    heading: str
+    text: str
+    size: str
 
 
 @dataclass(frozen=True)

@@ -202,18 +202,23 @@ class Conduct:
         return self.differed > 0 and may and not self.passed
 
     @property
+    def cases(self) -> int:
+        """Of so many people who answer by chance, one does as well in the checks."""
+        as_well = sum(math.comb(self.checks, n) for n in range(self.differed + 1))
+        return int(2**self.checks // as_well)
+
+    @property
     def by_chance(self) -> str:
         """A sentence on how often guesses would do as well in the checks, and why, or ""."""
         if not self.checks:
             return ""
-        as_well = sum(math.comb(self.checks, n) for n in range(self.differed + 1))
-        cases = 2**self.checks // as_well
+        cases = self.cases
         order = ""
-        if self.checks > self.repeated:
-            alike = self.checks - self.differed
+        if n := self.checks - self.repeated:
+            alike, those = self.checks - self.differed, "one" if n == 1 else str(n)
             order = (
-                f"With the one against the order of the levels, {alike} of {self.checks} checks "
-                "were answered as expected. "
+                f"With the {those} against the order of the levels, {alike} of {self.checks} "
+                "checks were answered as expected. "
             )
         half = f"{order}Someone who guesses is right in half of the checks"
         if cases < 2:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from statistics import median
 
+from elicit.person.course.counts import is_counted
 from elicit.tutors.answer_log import Entry
 
 SECONDS = 20.0
@@ -14,7 +15,6 @@ HASTY = 1.0
 """Seconds in which hardly anyone reads a question."""
 FEW_HASTY = 3
 """Answers in under a second that are worth a remark."""
-_HASTY_SHARE = 0.2  # share of them that is worth a remark at the end
 _KNOWN_AFTER = 3  # answers
 _BREAK = 300.0  # seconds: a person who takes longer was away, and the rest does not count
 
@@ -31,35 +31,39 @@ class Pace:
         Seconds spent on all answers so far, without breaks.
     hasty
         Number of answers that came in under a second.
-    timed
-        Number of answers whose time is known.
+    answered
+        Number of answers, as the screens count them.
     """
 
     seconds: float = SECONDS
     spent: float = 0.0
     hasty: int = 0
-    timed: int = 0
+    answered: int = 0
 
     @staticmethod
     def of(log: Iterable[Entry]) -> Pace:
-        """Return the pace of the standing answers of a log."""
-        said = [entry.metadata.get("latency") for entry in log if entry.stands]
+        """Return the pace of the answers of a log that count."""
+        said = [entry.metadata.get("latency") for entry in log if is_counted(entry)]
         took = [float(one) for one in said if isinstance(one, int | float) and one >= 0]
         own = median(took) if len(took) >= _KNOWN_AFTER else SECONDS
         return Pace(
             seconds=max(own, HASTY),
             spent=sum(one if one <= _BREAK else own for one in took),
             hasty=sum(one < HASTY for one in took),
-            timed=len(took),
+            answered=len(said),
         )
 
     def remark(self) -> str | None:
-        """Return a sentence on answers that came very fast, or None if they were few."""
-        if self.hasty < FEW_HASTY or self.hasty < _HASTY_SHARE * self.timed:
+        """Return a sentence on answers that came very fast, or None if they were few.
+
+        No share of all answers is asked for: more answers that take longer would then silence it,
+        although the fast ones still count.
+        """
+        if self.hasty < FEW_HASTY:
             return None
         return (
-            f"{self.hasty} of {self.timed} answers came in under a second, which is hardly enough "
-            "to read a question."
+            f"{self.hasty} of {self.answered} answers came in under a second, which is hardly "
+            "enough to read a question."
         )
 
     def questions_in(self, minutes: int) -> int:

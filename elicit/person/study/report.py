@@ -249,7 +249,9 @@ def _told(one: PersonFound) -> Iterator[str]:
     """Return a person's result in words, with their answers that contradict each other."""
     end = one.end
     yield f'<p><span class="mark">{escaped(one.who)}</span>: {escaped(counted(end["counts"]))}</p>'
-    said = [end[part] for part in ("headline", "caution", "sure", "before") if end.get(part)]
+    said = [
+        end[part] for part in ("headline", "caution", "sure", "size", "before") if end.get(part)
+    ]
     said += [*end["remarks"], *end["statements"]]
     lines = "".join(f"<p>{escaped(sentence.strip())}</p>" for sentence in said)
     yield f"<blockquote>{lines}</blockquote>"

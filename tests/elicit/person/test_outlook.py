@@ -236,10 +236,7 @@ class OfLength:
 
 
 ALL = "Settled in all 12 simulated sessions."
-OPEN = (
-    "Settled in {} of 12 simulated sessions. Half of all 12 could still lose as much value as if "
-    "{} in 100 people were at “died” instead of “well”."
-)
+OPEN = "Settled in {} of 12 simulated sessions. Half of all 12 could still fall {} in 100 short."
 LENGTH = "Half of the simulated sessions took at most {} questions, about {} minutes."
 
 

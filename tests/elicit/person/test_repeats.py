@@ -195,7 +195,9 @@ def test_an_interview_says_that_a_question_is_one():
             assert screen["last"]["id"] == query.id
             if log[-1].repeat and len(notes) < 12:
                 screen = interview.handle({"do": "undo", "id": query.id})
-                assert screen["question"] == question
+                same = screen["question"]["check"]
+                assert same.startswith("This is the same check again, because you took back ")
+                assert screen["question"] == {**question, "check": same}
                 screen = interview.handle({"do": "answer", "id": query.id, "choice": choice})
         repeats = session.status().repeated
         assert {*notes} == {None}  # nothing is said of a repeat that was answered as before

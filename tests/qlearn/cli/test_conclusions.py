@@ -18,7 +18,13 @@ from elicit import (
     choose,
 )
 from qlearn import InteractivePolicyIteration, equal_gaps_policy, random_mdp
-from qlearn.cli.conclusions import InWords, choice_conclusion, policy_conclusion
+from qlearn.cli.conclusions import (
+    InWords,
+    choice_conclusion,
+    choice_nearly,
+    policy_conclusion,
+    policy_nearly,
+)
 
 MAKERS: dict[str, tuple[Any, str]] = {
     "polytope": (PolytopeComparator, "for every scale that fits your answers."),
@@ -139,3 +145,55 @@ def test_an_alternative_that_was_called_equally_good_is_said_to_be(scale: float)
         headline = choice_conclusion(told, names, shares, found, None).headline
         assert "Nearly as good is “other”" in headline
         assert ("You called it and “other” equally good." in headline) is called
+
+
+def test_alternatives_are_nearly_equal_only_if_that_holds_for_every_plausible_scale() -> None:
+    shares = np.array([[0.1, 0.2, 0.7], [0.08, 0.24, 0.68], [0.5, 0.5, 0.0]])
+    names, found = ["first", "other", "third"], set()
+    told = InWords(("bad", "middle", "good"), Words("people"), 0.01)
+    for low, high in ((0.0, 1.0), (0.4, 0.6), (0.1, 0.9)):
+        rows = [[low - 1.0, 1.0, -low], [1.0 - high, -1.0, high]]
+        known = PolytopeComparator(3).update(Answers(rows, [1, 1]))
+        result = choose(shares, known, names=names).result()
+        said = choice_nearly(told, names, shares, result, None)
+        worst = {  # by how much another is better, at the ends of what is plausible
+            name: max(max(shares @ [0, v, 1]) - shares[i] @ [0, v, 1] for v in (low, high))
+            for i, name in enumerate(names)
+        }
+        assert said is not None
+        bound = float(re.search(r"by more than ([\d.]+) in 100", said.text)[1]) / 100
+        named = re.findall(r"“(\w+)”", said.heading)
+        assert named
+        assert all(worst[name] <= bound + 1e-9 <= 0.04 for name in named)
+        assert "third" not in named
+        assert said.text.count("if your answers are right") == 1
+        assert f"{100 * bound:g} in 100 people were at “bad” instead of “good”" in said.size
+        found.add(len(named))
+    assert found == {2}
+    far = np.array([[0.1, 0.2, 0.7], [0.0, 0.6, 0.4], [0.5, 0.5, 0.0]])
+    result = choose(far, PolytopeComparator(3), names=names).result()
+    assert choice_nearly(told, names, far, result, None) is None
+
+
+def test_a_plan_is_close_only_if_the_loss_is_little_and_less_than_at_first() -> None:
+    mdp, values = random_mdp(8, 3, 4, 0.9, seed=0)
+    learner = InteractivePolicyIteration(
+        mdp, PolytopeComparator(4), tolerance=1e-4, bags=Bags(days=10)
+    )
+    tutor = FlippingTutor(values, 0.0)
+    for _ in range(3):
+        learner.tell([tutor(query) for query in learner.ask()])
+    result = learner.result()
+    loss = result.loss_bound
+    assert loss > 0
+
+    def said(tolerance: float, before: float | None) -> Any:
+        return policy_nearly(InWords(mdp.labels, Words(), tolerance), result, before)
+
+    assert said(loss / 5, None) is None  # too much
+    assert said(loss, None) is None  # the plan is settled
+    assert said(loss / 2, 1.2 * loss) is None  # hardly anything was learned
+    found = said(loss / 2, 2 * loss)
+    bound = float(re.search(r"it falls at most ([\d.]+) in 100 short of it", found.text)[1])
+    assert 100 * loss <= bound <= 110 * loss
+    assert found.heading == "Your plan is already close to your ideal plan"

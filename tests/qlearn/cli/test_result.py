@@ -38,7 +38,7 @@ def test_it_says_what_the_answers_say_and_leaves_the_log_as_it_is(
     assert log.read_bytes() == before
     assert "What the levels are worth" in said
     assert "patients were at “died” instead of “well”" in said
-    assert "Before your first answer the choice could have lost as much value as if " in said
+    assert "Before your first answer another alternative could have been better by " in said
     assert "report.html" in said
     answers = json.loads(Path("found/answers.json").read_text())
     assert [row["id"] for row in answers] == [e.answer.query.id for e in AnswerLog.read(log)]

@@ -160,9 +160,10 @@ def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: P
     said = report(teach.shown)
     sure = "if your answers are right" if comparator == "polytope" else "with 95% probability"
     loss = (
-        r"settled. Compared with your ideal plan, it loses at most as much value as if ([\d.]+) in "
-        r"100 days were at “level 1” instead of "
-        rf"“level 5”. This holds {sure}\."
+        r"settled\. It comes within ([\d.]+) in 100 of your ideal plan\. This holds "
+        rf"{sure}\. .* At most, your "
+        r"plan falls short of your ideal plan by as much value as if \1 in 100 days were at “"
+        rf"level 1” instead of “level 5”\. .* We stop asking below 1 in 100\."
     )
     bound = re.search(loss, " ".join(said.split()))
     assert bound
@@ -207,7 +208,7 @@ def test_where_no_bags_tell_more_whole_numbers_near_the_shares_go_on(
     )
     assert "There are no more questions" in said
     assert "(Rounded" not in said  # else what is certified could be untrue
-    bound = re.search(r"ideal plan, it loses at most as much value as if ([\d.]+) in 100", said)
+    bound = re.search(r"It comes within ([\d.]+) in 100 of your ideal plan", said)
     assert bound
     assert float(bound[1]) <= 0.1
     log = AnswerLog.read(tmp_path / "answers-random.jsonl")
@@ -238,9 +239,7 @@ def test_a_smaller_tolerance_goes_on_where_a_greater_one_ended(
         assert (f"Going on after {answered[-1]} answer" in said) == (answered[-1] > 0)
         bounds += [
             float(found) / 100
-            for found in re.findall(
-                r"ideal plan, it loses at most as much value as if ([\d.]+) in 100", said
-            )
+            for found in re.findall(r"It comes within ([\d.]+) in 100 of your ideal plan", said)
         ]
         assert bounds[-1] <= float(tolerance)
         answered.append(len(told(tmp_path / "answers-random.jsonl")))
@@ -354,7 +353,7 @@ def test_what_a_choice_can_lose_is_the_same_of_counts_and_of_shares(tmp_path: Pa
         said.append((course.subject.stakes(result), concluded.next))
     assert said[0] == said[1]
     lost = re.search(
-        r"lose as much value as if ([\d.]+) in 100 outcomes were at “died” instead of “well”",
+        r"That is as much value as if ([\d.]+) in 100 outcomes were at “died” instead of “well”",
         str(said[0][0]),
     )
     assert lost
@@ -410,7 +409,8 @@ def test_a_plan_is_said_before_the_first_question_and_ends_the_session(
     assert said.index(plan) < said.index("Question 1")
     assert "You planned 2 questions, and answered 2." in said
     assert "This is the result so far. More could be asked." in said
-    assert "it could still lose as much value as if" in said
+    assert re.search(r"It could still fall \S+ in 100 short of your ideal plan\.", said)
+    assert "At most, your plan falls short of your ideal plan by as much value as " in said
     code, shown, _ = taught("a\n" * 2 + "q\n", monkeypatch, capsys, *options, "--log", log)
     assert "You planned 4 questions, and answered 4." in " ".join(shown.split())
     with pytest.raises(SystemExit):
@@ -762,7 +762,9 @@ def test_a_family_is_taught_in_its_own_words_and_a_seed_draws_it(
     )
     assert "A steady post or a venture" in shown
     assert "Two groups of 10 years" in shown
-    assert "it loses at most as much value as if" in " ".join(report(shown).split())
+    said = " ".join(report(shown).split())
+    assert "in 100 of your ideal plan. This holds " in said
+    assert "At most, your plan falls short of your ideal plan by as much value " in said
 
 
 def test_two_people_in_one_folder_have_a_log_each(

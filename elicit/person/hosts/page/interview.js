@@ -266,9 +266,9 @@ export function mount(root, send, options = {}) {
     nav.replaceChildren(
       ...(hasLegend() && view !== "legend" ? [button("link", "What the levels mean", () => look("legend"))] : []),
       ...(view === "answers" ? [] : lists),
-      shortcuts(),
       ...(view === "pause" || !going ? [] : [button("link", "Pause", () => look("pause"))]),
       ...(going ? [button("link", "Finish now", () => show({ do: "finish" }, undefined, RESULT))] : []),
+      shortcuts(),
     );
   }
 
@@ -286,12 +286,13 @@ export function mount(root, send, options = {}) {
       remember(letters);
       foot();
       enable(true);
-      nav.querySelector(".letters")?.focus();
+      nav.querySelector(".switch")?.focus();
     });
     sheet.dataset.letters = letters ? "on" : "off";
-    made.classList.add("letters");
-    made.title = "Whether the letters A, B, U and ? answer. The arrow keys always do.";
-    return made;
+    made.classList.add("switch");
+    made.setAttribute("aria-describedby", "elicit-letters");
+    const said = part("span", "", { id: "elicit-letters" }, [letters ? LETTERS.on : LETTERS.off]);
+    return part("span", "letters", {}, [made, " ", said]);
   }
 
   const hasLegend = () => Boolean(screen.legend.duration) || screen.legend.levels.some((one) => one.meaning);
@@ -404,7 +405,7 @@ export function mount(root, send, options = {}) {
         card.classList.add("live");
       } else if (chosen === side) {
         card.classList.add("chosen");
-        heading.append(part("span", "tag", {}, ["You chose this"]));
+        heading.append(part("span", "tag", {}, ["Your choice"]));
       }
       card.style.gridRow = `span ${asked.rows.length + (live ? 2 : 1)}`; // aligns the rows of both sides
       rows.style.gridRow = `span ${Math.max(1, asked.rows.length)}`;
@@ -465,7 +466,7 @@ export function mount(root, send, options = {}) {
       show({ do: "choose", option }, undefined, option === "finish" ? RESULT : NEXT);
     }
     const parts = [part("p", "", {}, [text]), part("div", "mid options stack", {}, buttons)];
-    return [{ heading: [heading], name: "A break", more: "" }, ...parts, part("div", "mid", {}, [undoing()])];
+    return [{ heading: [heading], name: "Your choice", more: "" }, ...parts, part("div", "mid", {}, [undoing()])];
   }
 
   // What came in beside the question: how many more there are, and why this one.
@@ -502,12 +503,12 @@ export function mount(root, send, options = {}) {
   }
 
   function end() {
-    const { open, scale, certainty, statements, conflicts, changes, caution, remarks, settled, more } = screen.end;
+    const { open, scale, certainty, statements, conflicts, changes, caution, remarks, settled, status, more } = screen.end;
     const { plan, scale_notes: notes } = screen.end;
-    const top = [part("p", settled ? "status good" : "status", {}, [settled ? "✓ Settled" : "Not settled"])];
+    const top = [part("p", settled ? "status good" : "status", {}, [settled ? `✓ ${status}` : status])];
     for (const said of [caution, ...remarks].filter(Boolean)) top.push(part("p", "caution", {}, [said]));
     const facts = [
-      ["How sure", screen.end.sure], ["Before", screen.end.before], ["Next", screen.end.next], ["You gave", screen.end.given],
+      ["How sure", screen.end.sure], ["How close", screen.end.size], ["Before", screen.end.before], ["Next", screen.end.next], ["You gave", screen.end.given],
       ["Checks", `${screen.end.checks} ${screen.end.by_chance}`.trim()],
     ].filter(([, text]) => text);
     top.push(part("dl", "facts", {}, facts.flatMap(([a, b]) => [part("dt", "", {}, [a]), part("dd", "", {}, [b])])));
@@ -737,6 +738,7 @@ const UNFORESEEN = "How far each choice of time gets cannot be foreseen here. Yo
 const GIVEN = "It was given when the program was started.";
 const MENDS = "Taking back any one of them fixes it. The others stay.";
 const SURE = { yes: "Yes, take it back", no: "No, keep it" };
+const LETTERS = { on: "A, B, ? and U work", off: "only the arrow keys work" };
 const STAYS = "stays"; // returned by what changes nothing on the screen
 const WHEN = { dateStyle: "medium", timeStyle: "short" };
 const FILES = {

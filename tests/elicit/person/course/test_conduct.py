@@ -106,7 +106,10 @@ def test_checks_are_passed_or_look_like_chance(
 ) -> None:
     one = Conduct(20, 20, alike + differed, differed, "a", 1)
     assert (one.passed, one.like_chance) == (passed, chance)
-    order = f"With the one against the order of the levels, {alike} of {alike + differed} checks "
+    those = "one" if alike + differed == 1 else f"{alike + differed}"
+    order = (
+        f"With the {those} against the order of the levels, {alike} of {alike + differed} checks "
+    )
     order += "were answered as expected. "
     said = f"{order}Someone who guesses is right in half of the checks, and "
     if "half" in cases:

@@ -860,8 +860,11 @@ def test_single_letters_can_be_switched_off_and_stay_off(windows: Windows) -> No
     with served(windows.log) as server:
         page = windows.open(server)
         practise(page)
+        said = page.locator(".letters")  # beside the switch, not only under a pointer
+        assert said.text_content() == "Letter keys: on A, B, ? and U work"
         name(page, "Letter keys: on").click()
         assert page.evaluate("document.activeElement.textContent") == "Letter keys: off"
+        assert said.text_content() == "Letter keys: off only the arrow keys work"
         for key in ("a", "b", "?", "u"):
             page.keyboard.press(key)
         page.reload()
