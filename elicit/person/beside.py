@@ -199,6 +199,7 @@ class Beside(Closing):
         self._conduct = Conduct.of(())  # before this question
         self._left = QuestionsLeft()
         self._stated = Stated()
+        self._near: bool | None = None  # at the last question that has notes
         # questions about levels, this one included, after "ask me more" or until it is enough
         self._levels_left: tuple[int, int] | None = None
         self._no_others = False  # but those that are needed
@@ -291,7 +292,12 @@ class Beside(Closing):
         return {"id": id, "choices": now.found(), "ready": ready}
 
     def accompany(
-        self, shown: Shown, conduct: Conduct, needed: tuple[int, int], no_others: bool = False
+        self,
+        shown: Shown,
+        conduct: Conduct,
+        needed: tuple[int, int],
+        no_others: bool = False,
+        near: Callable[[Any], bool] | None = None,
     ) -> None:
         """Start the computations beside a question, which is on the screen now.
 
@@ -304,6 +310,9 @@ class Beside(Closing):
             Numbers of answers, and of checks, that must still come after this one.
         no_others : bool
             True if no others come.
+        near : callable, optional
+            Takes a result, and returns whether little could be lost by stopping. None: that need
+            not be known.
         """
         self._conduct, self._needed, self._no_others = conduct, needed, no_others
         session, subject, now = self._session, self._subject, self._beside
@@ -316,7 +325,7 @@ class Beside(Closing):
         if now is not None and now.shown == shown.id and now.asker is asker:
             return
         before, since = None if now is None else now.outlook, tuple(self._since)
-        self._note_stated(now)
+        self._note(now)
         self._beside, self._since = _Computed(shown.id, asker), []
         pending, query = session.next_told(), session.question()
         other = (pending is None or pending.id != shown.id) and not session.is_repeat(shown.id)
@@ -334,18 +343,25 @@ class Beside(Closing):
             ahead = LookAhead(asker, twin, pending, swapped, session.answering(pending))
         counted = not session.is_repeat(shown.id)
         outlook = Outlook(
-            twin, shown, pending, subject.stakes, self._ends, subject.seed, before, since, counted
+            *(twin, shown, pending, subject.stakes, self._ends, subject.seed),
+            *(before, since, counted, near),
         )
         outlook.stated = self._stated
         self._beside = _Computed(shown.id, asker, ahead, outlook)
         looks = () if ahead is None else ahead.steps()
         self._background.start(chain(instead, looks, outlook.steps()))
 
-    def _note_stated(self, now: _Computed | None) -> None:
-        """Note the loss that the last question's notes stated to the person, if they did."""
+    def near(self) -> bool | None:
+        """Return whether little could be lost by stopping at the last question; None if unknown."""
+        outlook = None if self._beside is None else self._beside.outlook
+        return self._near if outlook is None else outlook.near
+
+    def _note(self, now: _Computed | None) -> None:
+        """Note what was known at a question, and the loss that its notes stated to the person."""
         outlook = None if now is None else now.outlook
         if now is None or outlook is None:
             return
+        self._near = outlook.near
         if not outlook.counted:
             self._stated = self._stated._replace(checked=True)
         elif outlook.loss is not None and not now.shown.startswith(ORDER):
@@ -374,9 +390,10 @@ class Beside(Closing):
         answered : bool
             True if the only reason is one more answer.
         """
-        self._note_stated(self._beside)
+        self._note(self._beside)
         if not answered:
             self._stated = Stated()  # it is no longer compared with: other answers stand
+            self._near = None
         self._beside = self._weighed = None
         self._since = []
         self._background.stop()

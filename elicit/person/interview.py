@@ -143,6 +143,7 @@ from elicit.tutors.answer_log import CONTRADICTS, Entry
 from elicit.tutors.log_file import BadLog
 
 _MORE_AFTER_CAUTION = 10  # answers until a caution that the person passed over is said again
+_UNKNOWN_NEAR = 4  # answers from one look to the next, where nothing was computed beside them
 _LONGEST_NAME = 80
 _ONLY_READ = ("answers", "report", "download")
 # these read a thread's results, so neither waits for the other
@@ -418,7 +419,8 @@ class Interview(Closing):
             self._log_shown(shown_now)
         self.shown = shown_now
         needed = self._questions.still_needed(conduct, shown_now.id)
-        self._beside.accompany(shown_now, conduct, needed, self._questions.only_checks())
+        near = self._questions.nearness(conduct)
+        self._beside.accompany(shown_now, conduct, needed, self._questions.only_checks(), near)
         return {
             **screen,
             "stage": "question",
@@ -562,7 +564,11 @@ class Interview(Closing):
                 f"answered {n} questions"
             )
             return offers.after_plan(over, self._questions.nearly(conduct))
-        if offers.nearly_is_due(conduct, self._chosen.offered) and not self._chosen.more:
+        if self._chosen.more or not offers.nearly_is_due(conduct, self._chosen.offered):
+            return None
+        # a result of a large model takes a second: mostly it was computed beside the last question
+        near = self._beside.near()
+        if near or (near is None and n % _UNKNOWN_NEAR == 0):
             nearly = self._questions.nearly(conduct)
             asks_on = self._session.question() is not None and not self._questions.only_checks()
             if nearly is not None and asks_on:

@@ -16,7 +16,7 @@ from elicit.person.course.choices import Choices
 from elicit.person.course.conclusion import NearlyEnough
 from elicit.person.course.conduct import IN_CONFLICT, ORDER, Conduct
 from elicit.person.course.level_questions import known_question, level_question, order_question
-from elicit.person.course.offers import may_be_near
+from elicit.person.course.offers import NEARLY_FROM, may_be_near
 from elicit.person.course.start import Before, Start
 from elicit.person.findings import asked_levels
 from elicit.person.session import Session
@@ -102,6 +102,25 @@ class NextQuestion:
         if start is None or start.finished:
             return None
         return self._subject.nearly(self._session.result(), start.loss)
+
+    def nearness(self, conduct: Conduct) -> Callable[[Any], bool] | None:
+        """Return a function of a result, which says whether little could be lost by stopping.
+
+        It may be called in another thread. It is None where the next answer leads to no offer to
+        stop for that reason.
+
+        Parameters
+        ----------
+        conduct : Conduct
+            The conduct in the answers before the question on the screen.
+        """
+        if not self._subject.least or self._chosen.more or conduct.put + 1 < NEARLY_FROM:
+            return None
+        start = self.at_start()
+        if start is None or start.finished:
+            return None
+        nearly, loss = self._subject.nearly, start.loss
+        return lambda result: nearly(result, loss) is not None
 
     def only_checks(self) -> bool:
         """Return whether no question is left but those that are still needed."""

@@ -305,3 +305,18 @@ def test_a_loss_that_rose_since_it_was_stated_says_why() -> None:
         assert (found.why[1] != "Much.") == said
         assert found.why[1].startswith("Much.")
         assert ("changed the plan" in found.why[1]) == said
+
+
+@pytest.mark.parametrize("little", [True, False])
+def test_whether_little_could_be_lost_is_found_beside_the_question(little: bool) -> None:
+    asker, found = learning(()), []
+    query = asker.ask()[0]
+    notes = Outlook(
+        *(asker, show(query), query, lambda _: None, lambda _: True, 0),
+        near=lambda result: bool(found.append(result)) or little,
+    )
+    assert notes.near is None
+    for _ in notes.steps():
+        pass
+    assert notes.near is little
+    assert [type(one) for one in found] == [type(asker.result())]

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import random
 import re
+import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ import pytest
 from elicit import AnswerLog, Bags, Interview, Session
 from elicit.model.outcomes import Status
 from elicit.person.course.conduct import ORDER
+from elicit.person.course.offers import NEARLY_FROM
 from elicit.person.outlook import Prospects
 from qlearn import expected_bounds, policy_loss, random_mdp
 from qlearn.cli.teach_subjects import Taught, taught_by
@@ -777,3 +780,28 @@ def test_where_little_is_left_to_gain_no_question_comes_whose_answer_is_known(ti
         assert screen["stage"] == "end"
         assert screen["end"]["status"] in ("Settled", "Little left to gain")
         assert person.stages.count("question") < 35  # 41 with those questions
+
+
+def test_a_person_does_not_wait_for_what_was_found_beside_the_last_question(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("elicit.person.outlook._PLAYS", 0)
+    told, looks = taught("posterior", 0.0001), []
+    here = threading.current_thread()
+
+    def nearly(result: Any, before: float | None) -> None:
+        looks.append((threading.current_thread() is here, person.stages.count("question")))
+
+    subject = replace(told.subject, nearly=nearly)
+    with Session(told.make, AnswerLog()) as session, Interview(session, subject) as interview:
+        person = Person(interview, truthful([0, 0.2, 0.7, 0.9, 1]))
+        while person.stages.count("question") < NEARLY_FROM + 4:
+            assert person.screen["stage"] != "end"
+            person.step()
+            if person.screen["stage"] == "question":
+                id, until = person.screen["question"]["id"], time.monotonic() + 60
+                while not interview.handle({"do": "outlook", "id": id})["ready"]:
+                    assert time.monotonic() < until
+                    threading.Event().wait(0.01)
+    assert [at for waited, at in looks if not waited]
+    assert not [at for waited, at in looks if waited]
