@@ -6,6 +6,7 @@ here: the comparator, indifference, the question budget, audits, answers "cannot
 equal", and the counts. No pair is asked twice.
 """
 
+import sys
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import replace
@@ -379,7 +380,7 @@ class Elicitation:
         near_matter = self._near_ties.in_a_row or self.indifference
         if near_matter or not isinstance(comparator, LearnsInLoops):
             return 0
-        return self._at_most(rule_of(comparator).room)
+        return self._at_most(sys.maxsize) if rule_of(comparator).grows else 0
 
     def _at_most(self, room: int) -> int:
         """Return ``room``, or less by the question budget; 0 if Python must see each answer."""

@@ -174,7 +174,7 @@ def advance_and_ask(
         if verdict == UNKNOWN:
             return code, known
         rule = Rule(
-            rule.kind, rule.dominance, known, rule.scales, rule.weights, rule.level, rule.room
+            rule.kind, rule.dominance, known, rule.scales, rule.weights, rule.level, rule.grows
         )
         if len(kept.tiers) > 0:
             keep(d, verdict, tier, kept)
