@@ -63,7 +63,16 @@ from elicit.model.difference import tail_sums
 from elicit.model.difference_kernel import LEFT_OPEN
 from elicit.model.needs import Needs
 from elicit.model.pairs import first_of_each_pair, same_pairs
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match, query_id
+from elicit.model.query import (
+    Answer,
+    Answers,
+    InconsistentAnswers,
+    Query,
+    Verdict,
+    match,
+    query_id,
+    query_ids,
+)
 from elicit.model.scale import Floats
 from elicit.tutors.answer_log import EXPECTED, Entry
 
@@ -400,11 +409,7 @@ class Elicitation:
         ``rule``.
         """
         first = self._number
-        ids = [
-            query_id(self._fingerprint, first + i, *pair)
-            for i, pair in enumerate(zip(left, right, strict=True))
-        ]
-        told = Answers(left - right, verdicts, ids)
+        told = Answers(left - right, verdicts, query_ids(self._fingerprint, first, left, right))
         comparator = (
             self.comparator.update(told)
             if rule is None
