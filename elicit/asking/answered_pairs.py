@@ -6,11 +6,13 @@ Where a pair was compared does not matter, nor which of its vectors stood left.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from elicit._support.jit import expect
 from elicit.model.comparator import Verdicts
 from elicit.model.difference import tail_sums
-from elicit.model.difference_kernel import NOT_THERE, PairTable, find, find_all, mark_of
+from elicit.model.difference_kernel import NOT_THERE, PairTable, find_all
+from elicit.model.pairs import marks_of
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats
 
@@ -50,41 +52,49 @@ class AnsweredPairs:
 
     def add(self, d: Floats, verdict: int, *, binding: bool) -> None:
         """Keep the verdict of an answer about a difference d (k,)."""
-        t = np.ascontiguousarray(tail_sums(d))
-        row, way = find(t, self.table)
-        if row == NOT_THERE:
-            self._append(t, verdict, binding)
-        else:
-            self.table.said[row] = way * verdict
-            self.table.binding[row] |= binding
+        self._add(d[None], np.array([verdict], np.int8), np.array([binding]))
 
     def add_many(self, d: Floats, verdicts: Verdicts) -> None:
-        """Keep the verdicts (n,) of answers about differences d (n, k). "Equal" is binding."""
-        for row, verdict in zip(d, verdicts.tolist(), strict=True):
-            self.add(row, verdict, binding=verdict == Verdict.EQUAL)
+        """Keep the verdicts (n,) of answers about different pairs, given by differences d (n, k).
+
+        "Equal" is binding.
+        """
+        self._add(d, verdicts, verdicts == Verdict.EQUAL)
 
     def said(self, t: Floats) -> Verdicts:
         """Return the answers (n,) to pairs with tail sums t (n, p), UNKNOWN where there is none."""
-        rows, ways = np.full(len(t), NOT_THERE), np.ones(len(t), np.int64)
-        if len(self):
-            expect(find_all, 1e-5 * t.size)
-            find_all(np.ascontiguousarray(t), self.table, rows, ways)
+        rows, ways = self._find(t)
         return np.where(rows == NOT_THERE, Verdict.UNKNOWN, ways * self.table.said[rows]).astype(
             np.int8
         )
 
-    def _append(self, t: Floats, verdict: int, binding: bool) -> None:
-        table, row = self.table, len(self)
-        if row == len(table.said):
+    def _find(self, t: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the rows (n,) of pairs with tail sums t (n, p), and their ways round."""
+        rows, ways = np.full(len(t), NOT_THERE), np.ones(len(t), np.int64)
+        if len(self):
+            expect(find_all, 1e-5 * t.size)
+            find_all(np.ascontiguousarray(t), self.table, rows, ways)
+        return rows, ways
+
+    def _add(self, d: Floats, verdicts: Verdicts, binding: NDArray[np.bool_]) -> None:
+        t = tail_sums(d)
+        rows, ways = self._find(t)
+        old, new = rows != NOT_THERE, rows == NOT_THERE
+        self.table.said[rows[old]] = (ways * verdicts)[old]
+        self.table.binding[rows[old]] |= binding[old]
+        if not new.any():
+            return
+        table, first, after = self.table, len(self), len(self) + int(new.sum())
+        if after > len(table.said):
             table = table._replace(
-                sums=np.resize(table.sums, (2 * row, len(t))),
-                said=np.resize(table.said, 2 * row),
-                binding=np.resize(table.binding, 2 * row),
+                sums=np.resize(table.sums, (2 * after, t.shape[1])),
+                said=np.resize(table.said, 2 * after),
+                binding=np.resize(table.binding, 2 * after),
             )
-        table.sums[row], table.said[row], table.binding[row] = t, verdict, binding
-        mark = mark_of(t)
-        at = int(table.marks.searchsorted(mark))
-        self.table = table._replace(
-            marks=np.concatenate([table.marks[:at], [mark], table.marks[at:]]),
-            rows=np.concatenate([table.rows[:at], [row], table.rows[at:]]),
-        )
+        added = slice(first, after)
+        table.sums[added], table.said[added] = t[new], verdicts[new]
+        table.binding[added] = binding[new]
+        marks = np.concatenate([table.marks, marks_of(t[new])])
+        order = marks.argsort(kind="stable")
+        rows = np.concatenate([table.rows, np.arange(first, after)])
+        self.table = table._replace(marks=marks[order], rows=rows[order])

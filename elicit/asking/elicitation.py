@@ -6,6 +6,7 @@ here: the comparator, indifference, the question budget, audits, answers "cannot
 equal", and the counts. No pair is asked twice.
 """
 
+import sys
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import replace
@@ -62,7 +63,16 @@ from elicit.model.difference import tail_sums
 from elicit.model.difference_kernel import LEFT_OPEN
 from elicit.model.needs import Needs
 from elicit.model.pairs import first_of_each_pair, same_pairs
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match, query_id
+from elicit.model.query import (
+    Answer,
+    Answers,
+    InconsistentAnswers,
+    Query,
+    Verdict,
+    match,
+    query_id,
+    query_ids,
+)
 from elicit.model.scale import Floats
 from elicit.tutors.answer_log import EXPECTED, Entry
 
@@ -382,7 +392,7 @@ class Elicitation:
         near_matter = self._near_ties.in_a_row or self.indifference
         if near_matter or not isinstance(comparator, LearnsInLoops):
             return 0
-        return self._at_most(rule_of(comparator).room)
+        return self._at_most(sys.maxsize) if rule_of(comparator).grows else 0
 
     def _at_most(self, room: int) -> int:
         """Return ``room``, or less by the question budget; 0 if Python must see each answer."""
@@ -402,11 +412,7 @@ class Elicitation:
         ``rule``.
         """
         first = self._number
-        ids = [
-            query_id(self._fingerprint, first + i, *pair)
-            for i, pair in enumerate(zip(left, right, strict=True))
-        ]
-        told = Answers(left - right, verdicts, ids)
+        told = Answers(left - right, verdicts, query_ids(self._fingerprint, first, left, right))
         comparator = (
             self.comparator.update(told)
             if rule is None

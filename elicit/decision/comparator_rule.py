@@ -28,7 +28,7 @@ class Rule(NamedTuple):
     scales: Floats  # (p, m)
     weights: Floats  # (m,)
     level: float
-    room: int  # the number of answers that compiled code may enter in ``known`` by ``cut_at_once``
+    grows: bool  # whether compiled code may add answers to ``known`` by ``cut_at_once``
 
 
 class Ruled(Protocol):
@@ -49,7 +49,7 @@ class DecidesRest(Protocol):
 
 @runtime_checkable
 class LearnsInLoops(Protocol):
-    """A comparator that lets a compiled loop add answers to its rule, up to the rule's ``room``."""
+    """A comparator that lets a compiled loop add answers to its rule, if the rule ``grows``."""
 
     def learned_in_loop(self, answers: Answers, rule: Rule) -> Comparator:
         """Return the comparator after strict answers that a loop has already added to ``rule``.
@@ -62,7 +62,7 @@ class LearnsInLoops(Protocol):
 def nothing() -> Rule:
     """Return a rule that decides by dominance alone. The comparator itself decides the rest."""
     known = nothing_known(0.0, np.empty((0, 0)), np.empty(0), vertices=0)
-    return Rule(NO_ARRAYS, True, known, np.empty((0, 0)), np.empty(0), 0.0, 0)
+    return Rule(NO_ARRAYS, True, known, np.empty((0, 0)), np.empty(0), 0.0, grows=False)
 
 
 def unaided() -> Rule:
@@ -80,9 +80,9 @@ def silent() -> Rule:
     return nothing()._replace(kind=ORDER_ONLY)
 
 
-def proven(known: Known, room: int) -> Rule:
-    """Return a rule that decides by proofs about K_t; a loop may add ``room`` answers to it."""
-    return nothing()._replace(kind=PROVEN, known=known, room=room)
+def proven(known: Known, grows: bool) -> Rule:
+    """Return a rule that decides by proofs about K_t. If it ``grows``, a loop may add answers."""
+    return nothing()._replace(kind=PROVEN, known=known, grows=grows)
 
 
 def outer(known: Known, inside: Floats) -> Rule:

@@ -20,11 +20,9 @@ CERTAIN_POINT, VERTEX, DOUBTFUL_VERTEX = 0, 1, 2
 """The three uses of a known vertex: its point alone, its point and its basis, or its basis alone. A
 later cut may have removed the vertex itself, and left the point beside it. So a basis is a place to
 start from, and proves nothing."""
-USED, SLOT, ROW = (
-    0,
-    1,
-    2,
-)  # counters: vertices in use, the next to be replaced, the row that decided last
+# counters: vertices in use, the next to be replaced, the row that decided last, and the number of
+# rows of K_t when redundant ones were last removed
+USED, SLOT, ROW, PRUNED = range(4)
 
 NEARLY = 1e-12  # multipliers this far below zero are set to zero, which keeps the bound valid
 
@@ -50,7 +48,7 @@ class Known(NamedTuple):
     active: NDArray[np.int64]  # (q, p - 1) j < p: g_j >= margin; p + i: row i
     kind: NDArray[np.int8]  # (q,)
     age: NDArray[np.int64]  # (q,) pivots since the inverse was computed afresh
-    counts: NDArray[np.int64]  # (3,)
+    counts: NDArray[np.int64]  # (4,)
 
 
 def nothing_known(margin: float, rows: Floats, limits: Floats, vertices: int) -> Known:
@@ -73,7 +71,7 @@ def nothing_known(margin: float, rows: Floats, limits: Floats, vertices: int) ->
         active=np.zeros((vertices, max(0, p - 1)), dtype=np.int64),
         kind=np.zeros(vertices, dtype=np.int8),
         age=np.zeros(vertices, dtype=np.int64),
-        counts=np.zeros(3, dtype=np.int64),
+        counts=np.array([0, 0, 0, len(rows)], dtype=np.int64),
     )
 
 

@@ -17,6 +17,7 @@ from elicit.lp.dual_simplex import minimise
 from elicit.lp.primal_simplex import (
     CERTAIN_POINT,
     DOUBTFUL_VERTEX,
+    PRUNED,
     ROW,
     SLOT,
     USED,
@@ -109,8 +110,9 @@ def cut(known: Known, row: Any, limit: float) -> Known:
         np.zeros((slots, p - 1), np.int64),
         np.zeros(slots, np.int8),
         np.zeros(slots, np.int64),
-        np.zeros(3, np.int64),
+        np.zeros(4, np.int64),
     )
+    new.counts[PRUNED] = known.counts[PRUNED]
     for j in range(p):
         for i in range(m):
             new.cuts[j, i] = known.cuts[j, i]
@@ -140,24 +142,24 @@ def cut_at_once(known: Known, row: Any) -> tuple[bool, Known]:
     """Return whether a row (p,), row.g >= 0, makes a usual cut, and the facts after it.
 
     If it does not, the facts are returned unchanged. After a usual cut they are those that
-    ``PlausibleSet.cut`` would have, before redundant rows are removed. An unusual cut needs Python:
-    the row already decides something, or floats find no inner point or no vertex to start walks
-    from, or an earlier answer may be the opposite.
+    ``PlausibleSet.cut`` would have. An unusual cut needs Python: the row already decides something,
+    or floats find no inner point or no vertex to start walks from, or an earlier answer may be the
+    opposite.
     """
     if sign_of(row, known) != UNKNOWN:
         return False, known
     after = cut(known, row, 0.0)
-    points, bases = 0, 0
-    for q in range(after.counts[USED]):
-        points += after.kind[q] != DOUBTFUL_VERTEX
-        bases += after.kind[q] != CERTAIN_POINT
-    if points == 0 or bases == 0 or not recentre(after, row, 0.0):
+    if not (has_point(after) and has_basis(after) and recentre(after, row, 0.0)):
         return False, known
     excess = 0.0
     for j in range(len(row)):
         excess += row[j] * after.inside[j]
     if not excess > UNOPPOSED:
         return False, known
+    if has_grown(after):
+        after = without_redundant(after)
+        if not has_basis(after):
+            return False, known
     return True, after
 
 
@@ -279,36 +281,118 @@ def add_point(known: Known, g: Any) -> None:
     known.active[q] = 0
 
 
+@compiled
 def has_point(known: Known) -> bool:
     """Return whether some point is certainly in K_t."""
-    return bool((known.kind[: known.counts[USED]] != DOUBTFUL_VERTEX).any())
+    points = 0
+    for q in range(known.counts[USED]):
+        points += known.kind[q] != DOUBTFUL_VERTEX
+    return points > 0
+
+
+@compiled
+def has_basis(known: Known) -> bool:
+    """Return whether there is a vertex to start walks from."""
+    bases = 0
+    for q in range(known.counts[USED]):
+        bases += known.kind[q] != CERTAIN_POINT
+    return bases > 0
+
+
+@compiled
+def has_grown(known: Known) -> bool:
+    """Return whether K_t has so many rows more than last time that redundant ones are to go."""
+    return len(known.limits) > int(known.counts[PRUNED] * 1.3 + 2)
 
 
 def prune(known: Known, region: Region) -> tuple[Known, Region]:
-    """Return the same set without the rows that follow from the others.
-
-    These rows are still used in proofs, since they hold on K_t. Vertices that depend on them lose
-    their basis.
-    """
-    out = redundant(known)
-    if not out.any():
-        return known, region
-    given, p = len(out), region.p
-    rows = np.concatenate([known.rows[:given][~out], known.rows[given:], known.rows[:given][out]])
-    renumbered = np.concatenate([np.arange(p), p + np.cumsum(~out) - 1])
-    resting = np.concatenate([np.zeros(p, dtype=bool), out])[known.active].any(axis=1)
-    lost = (resting & (known.kind == DOUBTFUL_VERTEX))[: known.counts[USED]]
-    known.kind[resting], known.active[resting] = CERTAIN_POINT, 0
-    known.active[:] = renumbered[known.active]
-    known = _only_vertices(known, np.flatnonzero(~lost))
-    region = region.take(~out)
-    kept = np.append(np.ones(p, dtype=bool), ~out)
-    known = known._replace(
-        cuts=np.ascontiguousarray(region.rows.T), limits=region.rhs, room=known.room[kept]
-    )
-    known = _with_latest_rows(known, rows)
+    """Return the facts about the same set, and the set itself, ``without_redundant`` rows."""
+    known = without_redundant(known)
+    region = rows_left(region, known)
     _find_some_vertex(known, region)
     return known, region
+
+
+def rows_left(region: Region, known: Known) -> Region:
+    """Return the region with only those of its rows that are still known, in the same order."""
+    every, left = (
+        zip(map(np.ndarray.tobytes, rows), limits.tolist(), strict=True)
+        for rows, limits in ((region.rows, region.rhs), (known.cuts.T, known.limits))
+    )
+    numbered = enumerate(every)
+    return region.take(np.array([next(i for i, b in numbered if b == a) for a in left], np.intp))
+
+
+@compiled
+def without_redundant(known: Known) -> Known:
+    """Return the facts about the same set, without the rows that follow from the others.
+
+    These rows are still used in proofs, since they hold on K_t. Vertices that depend on them lose
+    their basis: they are changed in ``known``, whose other facts are not to be used any more.
+    """
+    (p, m), r, out = known.cuts.shape, len(known.masks), redundant(known)
+    n, place = 0, np.empty(m, np.int64)  # the number of rows that stay, and their new places
+    for i in range(m):
+        place[i] = n
+        n += not out[i]
+    known.counts[PRUNED] = n
+    if n == m:
+        return known
+    order, dropped = np.empty(r, np.int64), r - (m - n)  # rows that stay, others known, dropped
+    for i in range(r):
+        if i >= m:
+            order[n + i - m] = i
+        elif out[i]:
+            order[dropped] = i
+            dropped += 1
+        else:
+            order[place[i]] = i
+    forgotten = max(0, r - n - MOST_ROWS)
+    new = Known(
+        known.margin,
+        np.empty((p, n)),
+        np.empty(n),
+        np.empty((r - forgotten, p)),
+        np.empty((r - forgotten, p)),
+        np.empty(r - forgotten, np.uint64),
+        known.inside,
+        np.empty(p + n),
+        known.points,
+        known.inverses,
+        known.active,
+        known.kind,
+        known.age,
+        known.counts,
+    )
+    for i in range(r - forgotten):
+        row = order[i if i < n else i + forgotten]
+        new.masks[i] = known.masks[row]
+        for j in range(p):
+            new.rows[i, j], new.lifted[i, j] = known.rows[row, j], known.lifted[row, j]
+    for j in range(p):
+        new.room[j] = known.room[j]
+        for i in range(n):
+            new.cuts[j, i] = known.cuts[j, order[i]]
+    for i in range(n):
+        new.limits[i], new.room[p + i] = known.limits[order[i]], known.room[p + order[i]]
+    kept = 0
+    for q in range(known.counts[USED]):
+        based = True
+        for i in range(p - 1):
+            active = known.active[q, i]
+            based = based and (active < p or not out[active - p])
+        if based or known.kind[q] != DOUBTFUL_VERTEX:
+            if kept != q:
+                copy_vertex(known, q, new, kept)
+            for i in range(p - 1):
+                active = known.active[q, i]
+                renumbered = active if active < p else p + place[active - p]
+                new.active[kept, i] = renumbered if based else 0
+            if not based:
+                new.kind[kept] = CERTAIN_POINT
+            kept += 1
+    new.counts[USED], new.counts[SLOT] = kept, kept % len(known.kind)
+    return new
 
 
 def add_row(known: Known, row: Floats) -> Known:
@@ -383,5 +467,5 @@ def _recentre_dearly(known: Known, region: Region) -> None:
 
 def _find_some_vertex(known: Known, region: Region) -> None:
     """Store a vertex to start walks from, if there is none yet and floats find one."""
-    if region.p > 1 and not (known.kind[: known.counts[USED]] != CERTAIN_POINT).any():
+    if region.p > 1 and not has_basis(known):
         add_vertex(known, minimise(np.zeros(region.p), region).basis)

@@ -219,8 +219,7 @@ OPTIONAL_PARTS = (
     Part(
         "LearnsInLoops",
         "learned_in_loop(answers, rule)",
-        "beside a `rule` with `room` for answers: itself after so many, which the loop has entered "
-        "in that rule",
+        "beside a `rule` that `grows`: itself after answers that the loop has added to that rule",
         "Q-learning's compiled loop asks a truthful simulated tutor by itself.",
         ("PolytopeComparator",),
     ),

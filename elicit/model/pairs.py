@@ -9,8 +9,6 @@ about 1e-9 of the value range. A hash needs a single name for a pair: the number
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -59,18 +57,26 @@ def ways_round(t: Floats) -> NDArray[np.int8]:
     are square roots. For tail sums in round numbers that sum is seldom near 0, where rounding could
     change its sign.
     """
-    weights = np.sqrt(np.arange(2.0, t.shape[1] + 2.0))
+    return np.where(marks_of(t) < 0.0, -1, 1).astype(np.int8)
+
+
+def marks_of(t: Floats) -> Floats:
+    """Return the keys (n,) by which tail sums t (n, p) are sorted; -t has the opposite key."""
     marks = np.zeros(len(t))
-    for j, weight in enumerate(weights):  # in this order, as in compiled code
-        marks += weight * t[:, j]
-    return np.where(marks < 0.0, -1, 1).astype(np.int8)
+    for j, weight in enumerate(np.sqrt(np.arange(2.0, t.shape[1] + 2.0))):
+        marks += weight * t[:, j]  # in this order, as ``difference_kernel.mark_of``
+    return marks
 
 
-def whole_numbers(x: Floats) -> tuple[NDArray[np.int64], int]:
-    """Return x (p,), divided by a power of two if large, in units of 2^-30; and the exponent."""
-    size = float(np.abs(x).max(initial=0.0)) * OFFSET
-    exponent = max(0, math.frexp(size)[1])
-    return np.floor(np.ldexp(x, -exponent) * GRID + 0.5).astype(np.int64), exponent
+def whole_numbers(x: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return vectors x (..., p) in units of 2^-30, and exponents (...).
+
+    If a vector is large, it is divided by 2 to the power of its exponent first.
+    """
+    size = np.abs(x).max(axis=-1, initial=0.0) * OFFSET
+    exponent = np.maximum(0, np.frexp(size)[1].astype(np.int64))
+    numbers = np.floor(np.ldexp(x, -exponent[..., None]) * GRID + 0.5).astype(np.int64)
+    return numbers, exponent
 
 
 def first_of_each_pair(d: Floats, most: int) -> list[int]:

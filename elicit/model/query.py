@@ -232,10 +232,27 @@ class Query:
 
 def query_id(fingerprint: str, number: int, left: ArrayLike, right: ArrayLike) -> str:
     """Return the id of a query, as ``Query.make`` sets it."""
+    vectors = (np.asarray(vector, dtype=np.float64).ravel() for vector in (left, right))
+    return _hashed(fingerprint, number, *map(whole_numbers, vectors))
+
+
+def query_ids(fingerprint: str, first: int, left: Floats, right: Floats) -> list[str]:
+    """Return the ids of queries about vectors left and right (n, k), numbered from ``first``."""
+    sides = (zip(*whole_numbers(vectors), strict=True) for vectors in (left, right))
+    pairs = enumerate(zip(*sides, strict=True), first)
+    return [_hashed(fingerprint, number, *pair) for number, pair in pairs]
+
+
+def _hashed(
+    fingerprint: str, number: int, *vectors: tuple[NDArray[np.int64], NDArray[np.int64]]
+) -> str:
+    """Return a hash of a problem's query by ``whole_numbers`` of its vectors.
+
+    The last bits of the vectors may differ on another machine.
+    """
     digest = hashlib.blake2b(f"{fingerprint}/{number}".encode(), digest_size=8)
-    for vector in (left, right):  # by value: their last bits may differ on another machine
-        numbers, exponent = whole_numbers(np.asarray(vector, dtype=np.float64))
-        digest.update(numbers.astype("<i8").tobytes() + exponent.to_bytes(2, "little"))
+    for numbers, exponent in vectors:
+        digest.update(numbers.astype("<i8").tobytes() + exponent.astype("<u2").tobytes())
     return digest.hexdigest()
 
 

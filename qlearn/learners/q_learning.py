@@ -52,9 +52,9 @@ def polynomial_rate(visits: NDArray[np.int64]) -> Floats:
     return np.asarray((1.0 + visits) ** -0.7, dtype=np.float64)
 
 
-_FIRST_PIECE = (
-    256  # steps that the loop runs before it may be compiled; then as many again as it has done
-)
+# The loop returns to Python after this many steps, and then whenever their number has grown by this
+# factor. So an interpreted loop that turns out to be slow is compiled, and Ctrl+C works.
+_FIRST_PIECE, _GROWTH = 256, 8
 
 
 class InteractiveQLearning(Learner):
@@ -172,7 +172,7 @@ class InteractiveQLearning(Learner):
         while True:
             deciding, verdict = self._pairs.arrays(rule), self._verdict
             step = int(state.cursor[kernel.STEP])
-            end = min(steps, step + max(step, _FIRST_PIECE))
+            end = min(steps, max(_GROWTH * step, _FIRST_PIECE))
             with np.errstate(all="ignore"):  # the hash wraps around
                 code, known = kernel.advance_and_ask(
                     state, self.model._replace(steps=end), verdict, deciding

@@ -226,8 +226,8 @@ class PolytopeComparator:
     def learned_in_loop(self, answers: Answers, rule: Rule) -> PolytopeComparator:
         """Return the comparator after answers that a compiled loop has already added to ``rule``.
 
-        None of them is "equal". The rule had ``room`` for them, and they do not contradict the
-        earlier ones. The result is that of ``update``.
+        None of them is "equal", and they do not contradict the earlier ones. The result is that of
+        ``update``.
         """
         if not len(answers):
             return self
@@ -256,7 +256,7 @@ class PolytopeComparator:
         """The proofs about K_t as plain arrays for compiled loops."""
         rule = self._set.rule if self._cells is None else self._cells.rule
         cuts_all = self._cells is None and self._with_wider_ties is self._set
-        return rule if cuts_all else rule._replace(room=0)
+        return rule if cuts_all else rule._replace(grows=False)
 
     @one_thread
     def decide_rest(self, d: Floats) -> Decisions:

@@ -29,9 +29,11 @@ from elicit.lp.vertex_store import (
     add_row,
     add_vertex,
     cut,
+    has_grown,
     has_point,
     prune,
     refresh,
+    rows_left,
     start,
 )
 from elicit.model.comparator import Decisions, Tier, verdicts_from
@@ -82,7 +84,6 @@ class PlausibleSet:
             _check_some(region)
         self.region = region
         self._known = start(region)
-        self._pruned_to = len(region.rows)
 
     def cut(self, rows: Floats, rhs: Floats, owner: NDArray[np.int64]) -> PlausibleSet:
         """Return the part of the set that satisfies further rows (m, p), rows g >= rhs.
@@ -119,8 +120,7 @@ class PlausibleSet:
         if self.region.margin == 0 and len(self.region.rows) > 0 and self.inside is None:
             return unaided()
         if self._rule is None or self._rule.known is not self._known:
-            room = 0 if self.inside is None else self._most_rows - len(self.region.rows)
-            self._rule = proven(self._known, room)
+            self._rule = proven(self._known, grows=self.inside is not None)
         return self._rule
 
     def decide_rest(self, d: Floats) -> Decisions:
@@ -220,15 +220,14 @@ class PlausibleSet:
     def _cut(self, row: Floats, rhs: Floats, owner: NDArray[np.int64]) -> PlausibleSet:
         """Return the part of the set that satisfies one more row (1, p)."""
         new = object.__new__(PlausibleSet)
-        region, new._pruned_to = self.region.plus(row, rhs, owner), self._pruned_to
+        region = self.region.plus(row, rhs, owner)
         with np.errstate(all="ignore"):
             known = cut(self._known, row[0], float(rhs[0]))
             if not has_point(known):
                 _check_some(region)
             known = refresh(known, region)
-            if len(region.rows) > self._most_rows:
+            if has_grown(known):
                 known, region = prune(known, region)
-                new._pruned_to = len(region.rows)
         return new._filled(region, known, self._last)
 
     def cut_in_loop(
@@ -236,16 +235,10 @@ class PlausibleSet:
     ) -> PlausibleSet:
         """Return the set cut by rows (m, p) that a compiled loop has already added to ``known``.
 
-        There may be as many rows as the rule had ``room`` for.
+        The loop may have removed redundant rows.
         """
-        new = object.__new__(PlausibleSet)
-        new._pruned_to = self._pruned_to
-        return new._filled(self.region.plus(rows, rhs, owner), known, self._last)
-
-    @property
-    def _most_rows(self) -> int:
-        """The number of rows above which redundant rows are looked for."""
-        return int(self._pruned_to * 1.3 + 2)
+        region = rows_left(self.region.plus(rows, rhs, owner), known)
+        return object.__new__(PlausibleSet)._filled(region, known, self._last)
 
     def _filled(self, region: Region, known: Known, last: _Bounded | None) -> PlausibleSet:
         """Fill in this new set: its region, facts known about it, and bounds over a larger set."""

@@ -1,8 +1,9 @@
 """The comparison of two actions in every compiled loop: difference, verdict, and a record of it.
 
-``without_proof`` and ``decide_action_pair`` do it, for ``q_learning_kernel.advance`` and
-``state_sweep_kernel.sweep``. The compiler inlines both into these loops (``jit.written_out``). The
-loops hold some sixty arrays, and passing them in a call would take longer than most verdicts.
+``q_learning_kernel.advance`` and ``state_sweep_kernel.sweep`` first try what needs no proof:
+``by_order``, then ``certified``. Only then do they call ``decide_action_pair``. The compiler
+inlines it into these loops (``jit.written_out``). The loops hold some sixty arrays, and passing
+them in a call would take longer than most verdicts.
 
 Many comparisons are nearly the same as an earlier one: of the same two actions, whose vectors have
 moved a little since. So a verdict that took a proof leaves a *certificate*: a vector f with f.g >=
@@ -244,32 +245,29 @@ class PairDecider:
             self.certificates.verdicts[:] = 0
 
 
-@written_out
-def without_proof(
-    verdict: int, row: int, t: Any, dominance: bool, plain: bool, certificates: Certificates
-) -> tuple[int, int]:
-    """Decide a pair with tail sums t (p,) by what needs no proof. Return verdict and tier.
-
-    That is the verdict by dominance (``verdict``, from ``difference``), or the certificate in
-    ``row``. The tier is NO_TIER if neither decides. The caller then asks the oracle, if there is
-    one, or calls ``decide_action_pair``.
-    """
-    limits, sides, tiers = certificates
-    tier = NO_TIER
+@compiled
+def by_order(verdict: int, dominance: bool) -> int:
+    """Return the tier of the verdict of ``difference``, or NO_TIER if it does not decide."""
     if verdict == EQUAL:
-        tier = BY_EQUAL
-    elif dominance and verdict != UNKNOWN:
-        tier = BY_DOMINANCE
-    elif plain and sides[row] != 0 and certifies(limits, row, sides[row], t):
-        verdict, tier = sides[row], tiers[row]
-    return verdict, tier
+        return BY_EQUAL
+    return BY_DOMINANCE if dominance and verdict != UNKNOWN else NO_TIER
+
+
+@compiled
+def certified(least: Any, sides: Any, row: int, t: Any) -> bool:
+    """Return whether a pair with tail sums t (p,) has the verdict of its certificate.
+
+    The certificate is in a row of ``least`` (n, p), and its verdict in ``sides`` (n,), as in
+    ``Certificates``. The arrays come one by one because the loops keep them at hand.
+    """
+    return bool(sides[row] != 0 and certifies(least, row, sides[row], t))
 
 
 @written_out
 def decide_action_pair(
     q: Any, s: int, a: int, b: int, row: int, d: Any, t: Any, deciding: DecidingArrays
 ) -> tuple[int, int]:
-    """Decide a pair of actions that ``without_proof`` has not decided. Return verdict and tier.
+    """Decide a pair of actions that order and certificate leave open. Return verdict and tier.
 
     It uses the comparator's rule, and a tutor who can be asked within the loop. UNKNOWN means that
     Python has to ask, and LEFT_OPEN that the elicitation has to decide. If the tier is NO_TIER,

@@ -25,12 +25,13 @@ from qlearn.learners.loops.action_pair_kernel import (
     ROOM_IN_RULE,
     USED,
     DecidingArrays,
+    by_order,
+    certified,
     decide_action_pair,
     difference,
     full,
     keep,
     learn_pair,
-    without_proof,
 )
 
 DONE, ASK, DEFER, FULL = range(4)
@@ -102,6 +103,7 @@ def advance(state: State, model: Model, verdict: int, deciding: DecidingArrays) 
     dominance, plain, fill = rule.dominance, asking.plain, told.fill
     turns = oracle.kind != NOBODY
     used, room = kept.used, len(kept.tiers)
+    least, sides, tiers = certificates
     q, best, cursor, decided = state.q, state.best, state.cursor, state.decided
     actions, (m, k) = model.actions, state.q.shape[1:]
     d, t = np.empty(k), np.empty(k - 1)
@@ -119,14 +121,10 @@ def advance(state: State, model: Model, verdict: int, deciding: DecidingArrays) 
                     if full(used, room, fill):
                         return FULL
                     row = s * m + challenger
-                    verdict, tier = without_proof(
-                        difference(q, s, challenger, incumbent, d, t),
-                        row,
-                        t,
-                        dominance,
-                        plain,
-                        certificates,
-                    )
+                    verdict = difference(q, s, challenger, incumbent, d, t)
+                    tier = by_order(verdict, dominance)
+                    if tier == NO_TIER and plain and certified(least, sides, row, t):
+                        verdict, tier = sides[row], tiers[row]
                     if tier == NO_TIER and turns:
                         verdict, tier = respond(t, oracle), BY_TUTOR
                     elif tier == NO_TIER:
@@ -174,7 +172,7 @@ def advance_and_ask(
         if verdict == UNKNOWN:
             return code, known
         rule = Rule(
-            rule.kind, rule.dominance, known, rule.scales, rule.weights, rule.level, rule.room
+            rule.kind, rule.dominance, known, rule.scales, rule.weights, rule.level, rule.grows
         )
         if len(kept.tiers) > 0:
             keep(d, verdict, tier, kept)

@@ -21,10 +21,11 @@ from qlearn.learners.loops.action_pair_kernel import (
     BY_TUTOR,
     NO_TIER,
     DecidingArrays,
+    by_order,
+    certified,
     decide_action_pair,
     difference,
     keep,
-    without_proof,
 )
 from qlearn.mdp.backup import MdpArrays, back_up_from
 
@@ -84,6 +85,7 @@ def sweep(states: Any, work: Work, model: MdpArrays, deciding: DecidingArrays, o
     turns = oracle.kind != NOBODY
     m, k = model.n_actions, v.shape[1]
     dominance, plain = rule.dominance, asking.plain
+    least, sides, certificate_tiers = certificates
     d, t, vectors = np.empty(k), np.empty(k - 1), np.empty((1, m, k))
     q = vectors[0]
     low, high = out.change[0], out.change[1]
@@ -103,9 +105,10 @@ def sweep(states: Any, work: Work, model: MdpArrays, deciding: DecidingArrays, o
                 row = s * m + a
                 if a == best or ends[row] == ends[row + 1]:
                     continue
-                verdict, tier = without_proof(
-                    difference(vectors, 0, a, best, d, t), row, t, dominance, plain, certificates
-                )
+                verdict = difference(vectors, 0, a, best, d, t)
+                tier = by_order(verdict, dominance)
+                if tier == NO_TIER and plain and certified(least, sides, row, t):
+                    verdict, tier = sides[row], certificate_tiers[row]
                 if tier == NO_TIER and turns:
                     verdict, tier = respond(t, oracle), BY_TUTOR
                 elif tier == NO_TIER:

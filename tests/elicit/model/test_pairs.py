@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from elicit import Query, Verdict
 from elicit._support.jit import compiling
 from elicit.asking.answered_pairs import AnsweredPairs
-from elicit.model.difference_kernel import find, near_to, pair_code, way_round
+from elicit.model.difference_kernel import find, mark_of, near_to, pair_code, way_round
 from elicit.model.pairs import (
     GRID,
     NEAR,
@@ -99,6 +99,21 @@ def test_the_table_finds_what_is_near_and_nothing_else(verdicts: list[int], seed
     assert len(pairs) == len(verdicts)
     assert pairs.said(t).tolist() == verdicts
     assert pairs.any_binding == (0 in verdicts)
+
+
+def test_many_answers_at_once_are_those_one_by_one() -> None:
+    rng = np.random.default_rng(5)
+    one, many = AnsweredPairs(4), AnsweredPairs(4)
+    for n in (1, 5, 40):  # more than there is room for at first
+        d = rng.dirichlet(np.ones(4), n) - rng.dirichlet(np.ones(4), n)
+        verdicts = rng.integers(-1, 2, n).astype(np.int8)
+        for row, verdict in zip(d, verdicts, strict=True):
+            one.add(row, verdict, binding=bool(verdict == 0))
+        many.add_many(d, verdicts)
+        for name, mine in many.table._asdict().items():
+            used = slice(0, len(many))
+            np.testing.assert_array_equal(mine[used], getattr(one.table, name)[used], err_msg=name)
+    assert (many.table.marks == np.sort([mark_of(t) for t in many.table.sums[: len(many)]])).all()
 
 
 def test_the_latest_answer_to_a_pair_counts() -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from elicit import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 from elicit.model.difference import MOST
-from elicit.model.query import match
+from elicit.model.query import match, query_ids
 from tests.thoroughness import examples
 
 LEFT, RIGHT = [0.5, 0.25, 0.25], [0.25, 0.75, 0.0]
@@ -84,6 +84,13 @@ def test_ids_depend_on_all_that_makes_a_query():
         Query.make("problem", 0, np.array(LEFT), np.array(RIGHT), "about", ["a", "b", "c"]).id
         in numbers
     )
+
+
+def test_many_ids_at_once_are_those_one_by_one():
+    left, right = np.random.default_rng(0).normal(size=(2, 20, 3)) * 10.0 ** np.arange(20)[:, None]
+    made = [Query.make("problem", 7 + i, left[i], right[i]).id for i in range(20)]
+    assert query_ids("problem", 7, left, right) == made
+    assert len({*made}) == 20
 
 
 def test_a_query_is_printed_as_a_person_would_read_it():

@@ -537,6 +537,10 @@ def test_a_loop_that_learns_does_what_a_tutor_asked_one_by_one_does(k, more) -> 
     assert ours.decided == plain.decided
     mine, its = learner.comparator.region, asking.comparator.region
     assert (mine.rows == its.rows).all()
+    mine, its = learner.comparator._set.region, asking.comparator._set.region
+    assert (mine.rows == its.rows).all()
+    assert (mine.owner == its.owner).all()
+    assert len(mine.rows) < ours.asked  # the loop has left redundant rows out
     for name, one in learner.comparator.rule.known._asdict().items():
         if name != "inverses":
             np.testing.assert_array_equal(
