@@ -341,7 +341,7 @@ export function mount(root, send, options = {}) {
       seen,
     ].map(([title, text]) => part("p", "step", {}, [part("b", "", {}, [title]), ` ${text}`]));
     const left = part("div", "column", {}, says);
-    if (screen.preamble) left.append(part("p", "soft", {}, [screen.preamble]));
+    for (const text of [screen.preamble, source].filter(Boolean)) left.append(part("p", "soft", {}, [text]));
     left.append(part("section", "panel", {}, [part("h2", "", {}, ["The levels, best to worst"]), ...legendOf()]));
     const form = part("section", "panel form", {}, [
       part("label", "strong", { for: "elicit-who" }, [known ? "Your name" : "Your name or initials (optional)"]),
