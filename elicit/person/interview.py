@@ -84,7 +84,8 @@ A screen has these fields:
     Null but at their stage. The practice has a question too.
 
 The welcome has ``who`` (the name of the person, if it is known already, or ""), ``before`` (a
-sentence on what could be lost without an answer, or ""), ``purpose``,
+sentence on what could be lost without an answer, or ""), ``purpose``, ``source`` (a sentence on
+where the figures come from, or ""),
 ``compare``, ``least`` (the fewest answers before it can be finished) and ``budgets``, each with
 ``minutes`` and ``questions``.
 
