@@ -71,6 +71,7 @@ class Drawing:
             "compare": printable(compare),
             "purpose": printable(words.purpose),
             "before": "" if loss is None else printable(self._before(loss)),
+            "source": printable(self._subject.source),
             "least": self._subject.least,
             "budgets": [
                 {"minutes": minutes, "questions": Pace.of(self._session.log).questions_in(minutes)}
@@ -252,6 +253,7 @@ class Drawing:
                 checksum=log.checksum,
                 preamble=about_questions(self._subject.words),
                 legend=legend_of(self._subject),
+                source=printable(self._subject.source),
                 facts={**facts, "Version": f"elicit-qlearn {version()}"},
                 limits=self._limits(),
             ),

@@ -84,7 +84,8 @@ A screen has these fields:
     Null but at their stage. The practice has a question too.
 
 The welcome has ``who`` (the name of the person, if it is known already, or ""), ``before`` (a
-sentence on what could be lost without an answer, or ""), ``purpose``,
+sentence on what could be lost without an answer, or ""), ``purpose``, ``source`` (a sentence on
+where the figures come from, or ""),
 ``compare``, ``least`` (the fewest answers before it can be finished) and ``budgets``, each with
 ``minutes`` and ``questions``.
 
@@ -624,10 +625,11 @@ class Interview(Closing):
                 self._mending.taken_back_before(id)
                 or "Nothing was taken back, because that is no longer the last answer."
             )
+        before = self._is_settled()
         self._forget()
         self._chosen.stopped = False
         self._session.undo()
-        return self._taken_back("Taken back.", id)
+        return self._taken_back("Taken back.", id, before)
 
     def _withdraw(self, id: str) -> dict[str, Any]:
         if not any(entry.answer.query.id == id for entry in self._session.log.standing):
@@ -635,14 +637,27 @@ class Interview(Closing):
                 self._mending.taken_back_before(id)
                 or "Nothing was taken back: there is no such answer."
             )
+        before = self._is_settled()
         self._forget()
-        return self._taken_back(f"Taken back.{self._mending.take_back(id)}", id)
+        return self._taken_back(f"Taken back.{self._mending.take_back(id)}", id, before)
 
-    def _taken_back(self, said: str, id: str) -> dict[str, Any]:
-        """Return the screen after an answer was taken back, with a note on what became of it."""
-        before = self.progress.settled  # of the last screen
+    def _is_settled(self) -> bool:
+        """Return whether the result is settled, also if the person sees a question after the end.
+
+        Before the first end no result is settled, and computing one would take time.
+        """
+        if self.progress.settled or not self._chosen.more:
+            return self.progress.settled
+        return bool(self._drawing.end(False)["settled"])
+
+    def _taken_back(self, said: str, id: str, before: bool) -> dict[str, Any]:
+        """Return the screen after an answer was taken back, with a note on what became of it.
+
+        ``before`` says whether the result was settled before that.
+        """
         screen = self._screen()
-        now = screen["end"] is not None and bool(screen["end"]["settled"])
+        end = screen["end"] or (self._drawing.end(False) if self._chosen.more else None)
+        now = end is not None and bool(end["settled"])
         became = {
             (True, True): " The result is still settled: the answers that stand suffice.",
             (True, False): " The result is no longer settled without it.",

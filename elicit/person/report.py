@@ -100,6 +100,8 @@ class ReportDetails:
         What every question asked, and the text before the first one.
     legend : mapping, optional
         The meaning of the levels, as in the screens of ``Interview``.
+    source : str
+        A sentence on where the figures come from, or "".
     facts : mapping, optional
         Technical facts that the report names, such as the problem and the version.
     limits : sequence of str
@@ -111,6 +113,7 @@ class ReportDetails:
     checksum: str | None = None
     preamble: str = ""
     legend: Mapping[str, Any] | None = None
+    source: str = ""
     facts: Mapping[str, str] | None = None
     limits: Sequence[str] = ()
 
@@ -157,6 +160,8 @@ def report_page(
         )
         parts.append(f"<p><b>{early}</b> This is where things stood.</p>")
     parts += _headline(end)
+    if details.source:
+        parts.append(f"<p>{escaped(details.source)}</p>")
     if end["open"]:
         parts.append(f"<p>{escaped(end['open'])}</p>")
     if end["scale"]:
@@ -327,7 +332,7 @@ def interval_picture(low: float, value: float, high: float, colour: str | None) 
     """Return a picture of a level's interval on the scale from 0 to 100, as HTML.
 
     A filled bar has a dot at the best guess. If ``colour`` is None the bar is hollow, without a
-    dot.
+    dot. It is in the middle of the picture, however high the style makes that.
     """
     grid = "".join(
         f'<line x1="{x}%" x2="{x}%" y1="0" y2="100%" stroke="#e4e9ee"/>'
@@ -335,12 +340,12 @@ def interval_picture(low: float, value: float, high: float, colour: str | None) 
     )
     fill = "none" if colour is None else colour
     dashed = ' stroke-dasharray="4 3"' if colour is None else ""
-    dot = f'<circle cx="{value:.2f}%" cy="17" r="3" fill="#14202b"/>'
+    dot = f'<circle cx="{value:.2f}%" cy="50%" r="3" fill="#14202b"/>'
     if low == high:
-        dot = f'<circle cx="{value:.2f}%" cy="17" r="6" fill="{fill}" stroke="#33414d"/>'
+        dot = f'<circle cx="{value:.2f}%" cy="50%" r="6" fill="{fill}" stroke="#33414d"/>'
     return (
-        f'<svg height="34" aria-hidden="true">{grid}<rect x="{low}%" width="{high - low}%" y="10" '
-        f'height="14" rx="3" fill="{fill}" stroke="#33414d"{dashed}/>'
+        f'<svg height="34" aria-hidden="true">{grid}<rect x="{low}%" width="{high - low}%" y="50%" '
+        f'transform="translate(0 -7)" height="14" rx="3" fill="{fill}" stroke="#33414d"{dashed}/>'
         f"{'' if colour is None else dot}</svg>"
     )
 

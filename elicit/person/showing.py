@@ -59,6 +59,9 @@ class Words:
     loss
         A loss in the problem's own unit, as a clause that follows "as much value as if", such as
         "{n} patients died instead of recovering". "{n}" stands for a text such as "3.8 in 100".
+    source
+        Where the problem's figures come from, as words that follow "The figures come from", such as
+        "the 2019 hip registry".
     """
 
     unit: str = "days"
@@ -72,6 +75,13 @@ class Words:
     purpose: str = ""
     note: str = ""
     loss: str = ""
+    source: str = ""
+
+    @property
+    def source_sentence(self) -> str:
+        """A sentence on where the figures come from, or ""."""
+        source = self.source.strip().rstrip(".")
+        return f"The figures come from {source}." if source else ""
 
 
 def _no_more(_: Any) -> list[str]:
@@ -126,6 +136,8 @@ class Subject:
     nearly : callable
         Takes what ``conclude`` takes. Returns a statement that little could be lost by stopping,
         although questions are left, or None. The interview then offers to stop.
+    source : str
+        A sentence on where the figures of the problem come from, or "".
     """
 
     labels: tuple[str, ...]
@@ -144,6 +156,7 @@ class Subject:
     nearly: Callable[[Any, float | None], NearlyEnough | None] = field(
         default=_nothing_is_near, repr=False
     )
+    source: str = ""
 
 
 class Row(NamedTuple):

@@ -81,7 +81,7 @@ def policy_conclusion(
         headline = "How far your plan may fall short of your ideal plan cannot be stated."
         after = "Another comparator can state it."
     elif settled:
-        headline = f"Your plan is settled. It comes within {most} of your ideal plan."
+        headline = f"Your plan is settled. {_within(bound)}"
         after, more = "You can stop here.", "More answers would narrow the values below."
     else:
         headline = f"Your plan is not settled. It could still fall {most} short of your ideal plan."
@@ -108,25 +108,38 @@ def policy_conclusion(
         plan=_plan(told, mdp, action_words, result, differing),
         result=_whole_policy(told, mdp, action_words, result, differing),
         settled=settled,
-        early=f"So far your plan comes within {most} of your ideal plan. Your answers are not "
-        "checked yet.",
+        early=f"{_within(bound, so_far=True)} Your answers are not checked yet.",
     )
 
 
-_NEARLY = 0.03  # an alternative worth as much less than the best is nearly as good
+_NEARLY = 0.03  # an alternative worth as much less than the best is named beside it
+_MOST_UNFOLDED = 12  # alternatives up to which their table stands open on the screen
 _FEW_NAMED = 3  # alternatives that are named in a sentence
+_NO_LOSS = 1e-5  # a loss below it is shown as none
 _NARROW = 0.5  # width of a range, a share of the whole, up to which a best guess is said
 
 _SHORT = "your plan falls short of your ideal plan by"
 _BETTER = "another alternative is better by"
 
 
+def _within(loss: float, so_far: bool = False) -> str:
+    """Return a sentence on how close a plan comes to the ideal plan."""
+    start = "So far " if so_far else ""
+    if loss < _NO_LOSS:
+        said = "no other plan can be better for you."
+    else:
+        plan = "your plan" if so_far else "it"
+        said = f"{plan} comes within {per_hundred(loss)} of your ideal plan."
+    return f"{start}{said}" if so_far else f"{said[0].upper()}{said[1:]}"
+
+
 def _size(told: InWords, loss: float, what: str) -> str:
     """Return sentences on how much a loss is, in the problem's own unit, or "" if unknown.
 
-    ``what`` is the loss in words, between "At most," and its size.
+    Nothing is said of a loss that rounds to nothing, because "as if 0 in 100 patients died" has no
+    size. ``what`` is the loss in words, between "At most," and its size.
     """
-    if np.isnan(loss):
+    if np.isnan(loss) or loss < _NO_LOSS:
         return ""
     return f"At most, {what} {told.loss(loss)}. This is a measure of size, not a forecast."
 
@@ -334,6 +347,8 @@ def policy_stakes(told: InWords, result: Result) -> str | None:
     """Return a sentence on what the policy learned so far can lose."""
     if np.isnan(result.loss_bound):
         return None
+    if result.loss_bound < _NO_LOSS:
+        return _within(result.loss_bound, so_far=True)
     return (
         f"So far the plan could fall {per_hundred(result.loss_bound)} short of your ideal plan. "
         f"That is {told.loss(result.loss_bound)}. {_until(told)}"
@@ -392,13 +407,13 @@ def choice_nearly(
     if not some:
         return NearlyEnough(
             f"{last} is the best for you, or nearly so",
-            f"{sure} no other alternative is better by more than {per_hundred(loss)}.",
+            f"{sure} no other alternative is better{_by_more_than(loss)}.",
             size,
         )
     return NearlyEnough(
         f"{', '.join(some)} and {last} are nearly equal to you",
         f"Whichever of them you choose, you lose little: {sure[0].lower()}{sure[1:]} no "
-        f"alternative is better than that one by more than {per_hundred(loss)}.",
+        f"alternative is better than that one{_by_more_than(loss)}.",
         size,
     )
 
@@ -435,10 +450,8 @@ def choice_conclusion(
         near = result.status is Status.CALLED_EQUAL and result.loss_bound > 0
         equal = ", or as good as any" if near else ""
         headline = f"By your answers “{result.name}” is best{equal}."
-        headline = f"{headline} {_nearly_as_good(names, shares, result)}".strip()
-        no_better = "no other alternative is better"
-        if result.loss_bound > 0:
-            no_better = f"no other alternative is better by more than {most}"
+        headline = f"{headline} {_next_best(names, shares, result)}".strip()
+        no_better = f"no other alternative is better{_by_more_than(result.loss_bound)}"
         if 0.0 < result.confidence < 1.0:
             sure = f"With {result.confidence:.0%} probability {no_better}."
         else:
@@ -448,6 +461,8 @@ def choice_conclusion(
     else:
         headline = f"The choice is open. The best guess so far is “{result.name}”."
         after = f"Another alternative may be better, by at most {most}. {sure}"
+        if result.loss_bound < _NO_LOSS:
+            after = f"No other alternative can be better. {sure}"
         more = "More answers help."
         sure = ""  # it belongs to that sentence, not to the headline
     unasked = (
@@ -472,23 +487,29 @@ def choice_conclusion(
     )
 
 
-def _nearly_as_good(names: Sequence[str], shares: Floats, result: Choice) -> str:
-    """Return sentences that name alternatives nearly as good as the choice, or ""."""
+def _next_best(names: Sequence[str], shares: Floats, result: Choice) -> str:
+    """Return sentences that name the next best alternatives, if they are close; otherwise ""."""
     points = _points(shares, result)
     best = list(names).index(result.name)
     close = np.flatnonzero(points >= points[best] - _NEARLY)
     near = [i for i in close[np.argsort(-points[close], kind="stable")].tolist() if i != best]
     if not near:
         return ""
-    some = [f"“{printable(names[i])}” ({100 * points[i]:.0f} of 100)" for i in near[:_FEW_NAMED]]
-    more = len(near) - len(some)
-    said = ", ".join(some) + (f" and {more} more" if more else "")
-    verb = "is" if len(near) == 1 else "are"
+    worth = [f"{100 * points[i]:.0f}" for i in near[:_FEW_NAMED]]
+    some = [f"“{printable(names[i])}”" for i in near[:_FEW_NAMED]]
+    top = f"“{printable(names[best])}” {100 * points[best]:.0f}"
+    if len(near) == 1:
+        said = f"The next best is {some[0]}: worth {worth[0]} of 100, {top}."
+    else:
+        each = [f"{name} {value}" for name, value in zip(some, worth, strict=True)]
+        more = len(near) - len(some)
+        rest = f" {more} more {'is' if more == 1 else 'are'} close too." if more else ""
+        said = f"The next best are worth, of 100: {', '.join(each)}; {top}.{rest}"
     told_equal = _directions(result.answers.d[result.answers.y == 0])
     apart = _directions(shares[best] - shares)
     called = [f"“{printable(names[i])}”" for i in near if _among(apart[i], told_equal)]
     equal = f" You called it and {' and '.join(called)} equally good." if called else ""
-    return f"Nearly as good {verb} {said}, beside {100 * points[best]:.0f} for the best.{equal}"
+    return f"{said}{equal}"
 
 
 def _directions(d: Floats) -> Floats:
@@ -507,6 +528,11 @@ def _among(direction: Floats, others: Floats) -> bool:
 def _points(shares: Floats, result: Choice) -> Floats:
     """Return the best guess (n,) at the value of each alternative, from 0 to 1."""
     return product(tail_sums(shares), np.diff(best_guess(result.comparator)))
+
+
+def _by_more_than(loss: float) -> str:
+    """Return the end of a clause that nothing is better: by how much, or "" if by nothing."""
+    return "" if loss <= 0 else f" by more than {per_hundred(loss)}"
 
 
 def choice_holds(told: InWords, result: Choice) -> bool:
@@ -549,6 +575,7 @@ def _worth(told: InWords, names: Sequence[str], shares: Floats, result: Choice) 
         f"“{printable(labels[0])}”, to 100, if all were “{printable(labels[-1])}”: the best guess, "
         f"and its range.{unknown}",
         "alternative",
+        unfolded=len(names) <= _MOST_UNFOLDED,
     )
 
 
@@ -556,6 +583,8 @@ def choice_stakes(told: InWords, result: Choice) -> str | None:
     """Return a sentence on what the choice can lose."""
     if np.isnan(result.loss_bound):
         return None
+    if result.loss_bound < _NO_LOSS:
+        return "So far no other alternative can be better."
     return (
         f"So far another alternative could be better by {per_hundred(result.loss_bound)}. That is "
         f"{told.loss(result.loss_bound)}. {_until(told)}"

@@ -33,6 +33,7 @@ _WANTED_WORDS = {
     "title": "A title",
     "unit": "What one count is, in the plural, such as patients or days",
     "preamble": "A sentence on what is compared, for the person who answers",
+    "source": "Where the figures come from, such as the 2019 hip registry",
 }
 RECIPE = "recipe"
 """The field of a log's header that holds the options of ``qlearn teach`` that began it."""
@@ -83,7 +84,7 @@ def add_to(commands: Any) -> None:
         "elicit.Words for its questions; a CSV lists alternatives to choose from: its header names "
         "the levels, "
         "worst first, after a first column with the alternatives' names, and FILE.words.json says "
-        "what its counts stand for [%(default)s]",
+        "what its counts stand for and where the figures come from [%(default)s]",
     )
     command.add_argument(
         "--comparator",

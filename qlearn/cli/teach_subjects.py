@@ -139,6 +139,7 @@ def taught_by(
             problem, header, comparator, seed, ("Tolerance", per_hundred(tolerance)), like=like
         ),
         nearly=partial(policy_nearly, told),
+        source=words.source_sentence,
     )
 
     def plan(known: Comparator, questions: int) -> str:
@@ -319,6 +320,7 @@ def _choice(
         ),
         enough=partial(choice_holds, told),
         nearly=partial(choice_nearly, told, names, shares),
+        source=words.source_sentence or f"The figures are those of the file {path.name}.",
     )
     following = partial(cost_of_following_a_choice, shares)
     return Taught(subject, make, header, hint, following=following)
@@ -340,7 +342,12 @@ def _words_of(path: Path, labels: tuple[str, ...]) -> tuple[Words, str]:
     """
     beside = path.with_suffix(".words.json")
     if not beside.exists():
-        example = {"title": "A title", "unit": "patients", "preamble": "What a count stands for."}
+        example = {
+            "title": "A title",
+            "unit": "patients",
+            "preamble": "What a count stands for.",
+            "source": "the study that the figures come from",
+        }
         hint = (
             f"{path.name} does not say what its counts stand for, so they are called outcomes. "
             f"Write it in {beside.name}, for example {json.dumps(example)}"

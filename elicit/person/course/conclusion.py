@@ -24,6 +24,8 @@ class ResultTable:
         What a row is about, in the singular.
     open
         A table of further rows that do not hold for certain, if there are any.
+    unfolded
+        True if the table stands open on the screen.
     """
 
     title: str
@@ -32,6 +34,7 @@ class ResultTable:
     note: str = ""
     of: str = "state"
     open: ResultTable | None = None
+    unfolded: bool = False
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from elicit import AnswerLog, Interview, Query, Session, Subject, Words
-from elicit.person.report import ReportDetails, report_page
+from elicit.person.report import ReportDetails, interval_picture, report_page
 from tests.browser_cases import QUESTIONS, Listed
 from tests.page_parts import Parts
 
@@ -49,6 +49,13 @@ def test_a_report_holds_every_answer_and_nothing_that_runs_or_is_elsewhere(tmp_p
     log = AnswerLog.read(tmp_path / "mine.jsonl")
     assert f"kept in mine.jsonl Checksum of its last line {log.checksum}" in page.text
     assert (tmp_path / "mine.jsonl").read_text().rstrip().endswith(f'"{log.checksum}"}}')
+
+
+def test_bars_and_dots_of_a_report_are_in_the_middle_of_their_row_however_high_it_is() -> None:
+    ranged, fixed = interval_picture(20.0, 30.0, 45.0, "red"), interval_picture(0, 0, 0, "red")
+    assert 'y="50%" transform="translate(0 -7)" height="14"' in ranged
+    assert 'cy="50%"' in ranged
+    assert 'cy="50%"' in fixed
 
 
 def test_a_report_says_whether_more_could_be_asked(tmp_path: Path) -> None:

@@ -22,9 +22,12 @@ from qlearn.cli.conclusions import (
     InWords,
     choice_conclusion,
     choice_nearly,
+    choice_stakes,
     policy_conclusion,
     policy_nearly,
+    policy_stakes,
 )
+from qlearn.learners.learner import Result
 
 MAKERS: dict[str, tuple[Any, str]] = {
     "polytope": (PolytopeComparator, "for every scale that fits your answers."),
@@ -112,11 +115,11 @@ def test_the_changes_listed_are_the_certain_ones(name: str, seed: int) -> None:
 @pytest.mark.parametrize(
     ("second", "said"),
     [
-        ([0.02, 0.02, 0.96], " Nearly as good is “other” (97 of 100), beside 100 for the best."),
+        ([0.02, 0.02, 0.96], " The next best is “other”: worth 97 of 100, “first” 100."),
         ([0.1, 0.0, 0.9], ""),
     ],
 )
-def test_an_alternative_that_is_nearly_as_good_is_named(second: list[float], said: str) -> None:
+def test_the_next_best_alternative_is_named_if_it_is_close(second: list[float], said: str) -> None:
     shares = np.array([[0.0, 0.0, 1.0], second, [0.5, 0.5, 0.0]])
     names = ["first", "other", "third"]
     result = choose(shares, PolytopeComparator(3), names=names).result()
@@ -124,6 +127,53 @@ def test_an_alternative_that_is_nearly_as_good_is_named(second: list[float], sai
     found = choice_conclusion(told, names, shares, result, None)
     assert found.headline == f"By your answers “first” is best.{said}"
     assert found.sure.startswith("No other alternative is better. This holds ")
+
+
+def test_several_close_alternatives_are_named_with_their_worth_and_shown_in_an_open_table() -> None:
+    shares = np.array([[0.0, 0.0, 1.0], [0.02, 0.02, 0.96], *[[0.01, 0.0, 0.99]] * 4])
+    names = ["first", "other", "b", "c", "d", "e"]
+    result = choose(shares, PolytopeComparator(3), names=names).result()
+    told = InWords(("bad", "middle", "good"), Words(), 0.01)
+    found = choice_conclusion(told, names, shares, result, None)
+    assert found.headline.endswith(
+        "The next best are worth, of 100: “b” 99, “c” 99, “d” 99; “first” 100. "
+        "2 more are close too."
+    )
+    assert found.changes is not None
+    assert found.changes.unfolded
+    many = np.vstack([shares, *[[[0.5, 0.5, 0.0]]] * 7])
+    names = [*names, *"tuvwxyz"]
+    result = choose(many, PolytopeComparator(3), names=names).result()
+    found = choice_conclusion(told, names, many, result, None)
+    assert found.changes is not None
+    assert not found.changes.unfolded
+
+
+def test_no_size_is_given_to_a_loss_of_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    shares = np.array([[0.0, 0.0, 1.0], [0.02, 0.02, 0.96], [0.5, 0.5, 0.0]])
+    names = ["first", "other", "third"]
+    told = InWords(("bad", "middle", "good"), Words(), 0.01)
+    sure = choose(shares, PolytopeComparator(3), names=names).result()
+    mdp, _ = random_mdp(8, 3, 4, 0.9, seed=0)
+    plan_told = InWords(mdp.labels, Words(), 0.01)
+    plan = InteractivePolicyIteration(mdp, PolytopeComparator(4)).result()
+    for loss in (0.0, 4e-6, 0.005):
+        choice = replace(sure, guarantee=lambda loss=loss: (loss, 1.0))
+        monkeypatch.setattr(Result, "loss_bound", loss)
+        found = [
+            choice_conclusion(told, names, shares, choice, 0.5),
+            policy_conclusion(plan_told, mdp, mdp.action_name, plan, 0.5),
+        ]
+        said = [
+            choice_stakes(told, choice) or "",
+            policy_stakes(plan_told, plan) or "",
+            *(f"{one.headline} {one.early} {one.size}" for one in found),
+        ]
+        for text in said:
+            assert " 0 in 100" not in text
+        for one in found:
+            assert ("This is a measure of size" in one.size) == (loss == 0.005)
+            assert "We stop asking below 1 in 100." in one.size
 
 
 @pytest.mark.parametrize("scale", [1.0, 20.0, 1 / 3])
@@ -143,7 +193,7 @@ def test_an_alternative_that_was_called_equally_good_is_said_to_be(scale: float)
         known = PolytopeComparator(3).update(Answers(rows[:1], [0]))
         found = replace(chosen, answers=answers, comparator=known)
         headline = choice_conclusion(told, names, shares, found, None).headline
-        assert "Nearly as good is “other”" in headline
+        assert "The next best is “other”: worth " in headline
         assert ("You called it and “other” equally good." in headline) is called
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import random
 import re
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -424,6 +426,49 @@ def test_taking_back_an_answer_says_what_became_of_the_result() -> None:
             assert ("The result is still settled" in screen["note"]) == (before and settled)
             if settled:
                 assert "that you took back" in screen["end"]["sure"]
+
+
+def test_taking_back_an_answer_after_more_questions_says_whether_the_result_is_still_settled() -> (
+    None
+):
+    told = taught()
+    with (
+        Session(told.make, AnswerLog(), audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        person = Person(interview, truthful(np.array([0, 0.23, 0.48, 0.71, 1.0])))
+        assert person.until("end")["end"]["settled"]
+        person.screen = interview.handle({"do": "more"})
+        assert person.until("end")["end"]["settled"]
+        for _ in range(2):  # with a question on the screen, before and after the second one
+            last = session.log.standing[-1].answer.query.id
+            screen = interview.handle({"do": "undo", "id": last})
+            assert screen["question"]
+            assert "The result is still settled" in screen["note"]
+            assert interview.handle({"do": "result"})["end"]["settled"]
+
+
+@pytest.mark.parametrize(
+    ("source", "said"),
+    [
+        (None, "The figures are those of the file care.csv."),
+        ("the hip <registry>.", "The figures come from the hip <registry>."),
+    ],
+)
+def test_the_welcome_and_the_report_say_where_the_figures_come_from(
+    tmp_path: Path, source: str | None, said: str
+) -> None:
+    path = tmp_path / "care.csv"
+    path.write_text("name,died,ill,well\nnew,3,1,6\nold,1,5,4\n")
+    if source is not None:
+        path.with_suffix(".words.json").write_text(json.dumps({"source": source}))
+    told = taught_by(str(path), "polytope", 10, None, 0, 0.01)
+    with (
+        Session(told.make, AnswerLog()) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        assert interview.handle({"do": "state"})["welcome"]["source"] == said
+        assert escape(said) in interview.handle({"do": "report"})["html"]
 
 
 def test_downloads_are_those_of_the_screens() -> None:

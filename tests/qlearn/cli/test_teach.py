@@ -550,18 +550,19 @@ def test_words_that_a_table_lacks_are_asked_for_and_written_beside_it(
     table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(Typed, "isatty", lambda _: True)
-    code, shown, errors = taught("\n" * 4 + "q\n", monkeypatch, capsys, table)
+    code, shown, errors = taught("\n" * 5 + "q\n", monkeypatch, capsys, table)
     assert code == 0
     assert "care.words.json" in errors  # nothing was said, so the hint comes
     assert not Path("care.words.json").exists()
     Path("answers-care.jsonl").unlink()
-    typed = "Ann\nHip care\npatients\n\nq\n"
+    typed = "Ann\nHip care\npatients\n\nthe hip registry\nq\n"
     code, shown, errors = taught(typed, monkeypatch, capsys, table)
     assert code == 0
     assert "Written to care.words.json, where you can change it." in shown
     assert json.loads(Path("care.words.json").read_text()) == {
         "title": "Hip care",
         "unit": "patients",
+        "source": "the hip registry",
     }
     assert "Two groups of 10 patients" in shown
     assert "words.json" not in errors

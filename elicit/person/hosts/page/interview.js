@@ -318,7 +318,7 @@ export function mount(root, send, options = {}) {
   }
 
   function welcome() {
-    const { who: known, compare, purpose, before, least, budgets } = screen.welcome;
+    const { who: known, compare, purpose, before, source, least, budgets } = screen.welcome;
     const who = part("input", "field", { type: "text", id: "elicit-who", maxlength: "80", autocomplete: "off" });
     who.value = known;
     who.disabled = Boolean(known); // the log is this person's
@@ -341,7 +341,7 @@ export function mount(root, send, options = {}) {
       seen,
     ].map(([title, text]) => part("p", "step", {}, [part("b", "", {}, [title]), ` ${text}`]));
     const left = part("div", "column", {}, says);
-    if (screen.preamble) left.append(part("p", "soft", {}, [screen.preamble]));
+    for (const text of [screen.preamble, source].filter(Boolean)) left.append(part("p", "soft", {}, [text]));
     left.append(part("section", "panel", {}, [part("h2", "", {}, ["The levels, best to worst"]), ...legendOf()]));
     const form = part("section", "panel form", {}, [
       part("label", "strong", { for: "elicit-who" }, [known ? "Your name" : "Your name or initials (optional)"]),
@@ -541,11 +541,15 @@ export function mount(root, send, options = {}) {
     return part("ul", "list", {}, rows);
   }
 
-  // What the answers change: a heading, a note, and a table that is folded and can be filtered. What is still open has a
-  // table of its own.
-  function changed({ title, note: remark, columns, rows, of, open }) {
+  // What the answers change: a heading, a note, and a table that can be filtered, and is folded unless it is `unfolded`.
+  // What is still open has a table of its own.
+  function changed({ title, note: remark, columns, rows, of, open, unfolded }) {
     const made = [part("p", "soft", {}, [remark])];
-    if (rows.length) made.push(folded(title, columns, rows, of, [], "elicit-filter"));
+    if (rows.length) {
+      const table = folded(title, columns, rows, of, [], "elicit-filter");
+      table.open = Boolean(unfolded);
+      made.push(table);
+    }
     if (open) {
       const said = [part("p", "soft", {}, [open.note])];
       made.push(folded(open.title, open.columns, open.rows, open.of, said, "elicit-filter-open"));
