@@ -359,7 +359,8 @@ class Drawing:
             after = "More answers would show whether this holds."
         elif found.headline and caution is not None:
             headline = "Do not rely on this result."
-            after = "A few more answers can change that. Take back any that you do not mean."
+            after = "Take back any answers that you do not mean."
+            after = f"A few more answers can change that. {after}" if left else after
             if_meant = f"If every answer is meant as it was given: {found.headline} {found.sure}"
             said.append(if_meant.strip())
             size = sure = before = ""

@@ -29,6 +29,8 @@ UNSURE_OFFER = 3
 """Answers "cannot tell" in a row after which the person is offered something else."""
 _UNSURE = 12  # answers "cannot tell" in a row after which the questions are said not to work
 _EQUAL = 10  # answers "equally good" in a row
+_CLEAR = (Verdict.BETTER, Verdict.WORSE)
+_CLEAR_BEFORE = 5  # clear answers after which pairs called equal are taken for close ones
 _SIDE = 12  # choices of one side in a row: by chance 1 in 2,048, for sides are shuffled
 _TAKEN_BACK = 5  # answers taken back as contradictions, and a share, after which that is said:
 _SHARE_TAKEN_BACK = 1 / 4  # of those given. In 50 sessions with 10% or 15% errors none came so far
@@ -101,6 +103,8 @@ class Conduct:
         Answers taken back because they contradicted others.
     repeated
         Answers to repeated questions.
+    clear
+        Answers that stand and say which side is better, without repeats.
     """
 
     answered: int
@@ -111,6 +115,7 @@ class Conduct:
     in_a_row: int
     taken_back: int = 0
     repeated: int = 0
+    clear: int = 0
 
     @staticmethod
     def of(log: Sequence[Entry]) -> Conduct:
@@ -139,6 +144,7 @@ class Conduct:
             in_a_row=row,
             taken_back=sum(IN_CONFLICT in (entry.retraction or {}) for entry in log),
             repeated=len(repeats),
+            clear=sum(entry.answer.verdict in _CLEAR for entry in standing),
         )
 
     @property
@@ -253,7 +259,9 @@ class Conduct:
                 f"You could not tell in {n} questions in a row, so nothing can be concluded from "
                 "them."
             )
-        if self.last == "equal" and n >= (_FEW if all_alike else _EQUAL):
+        # late questions are about ever closer pairs: who was clear before, and means it, may say so
+        close = self.passed and self.clear >= _CLEAR_BEFORE
+        if self.last == "equal" and n >= (_FEW if all_alike else _EQUAL) and not close:
             return (
                 f"You called {n} pairs in a row equally good. Either the conditions matter little "
                 "to you, or the questions do not show what matters."

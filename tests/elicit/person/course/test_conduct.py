@@ -60,6 +60,19 @@ def test_a_long_run_of_one_answer_is_said(choice: str, fewer: int, more: int, sa
     assert conduct(log_of(*[choice] * more, other)).caution() is None
 
 
+@pytest.mark.parametrize(
+    ("clear", "checks", "differed", "said"),
+    [(4, 5, 0, True), (5, 4, 0, True), (5, 5, 0, False), (5, 8, 2, True), (0, 9, 0, True)],
+)
+def test_close_pairs_may_be_called_equal_after_clear_answers_that_were_checked(
+    clear: int, checks: int, differed: int, said: bool
+) -> None:
+    log = log_of(*"ab" * (clear // 2), *"a" * (clear % 2), *["equal"] * 30)
+    found = replace(conduct(log), checks=checks, differed=differed)
+    assert found.clear == clear
+    assert ("equally good" in str(found.caution(at_end=True))) is said
+
+
 def test_at_the_end_a_few_answers_are_enough_if_there_are_no_others() -> None:
     for choice, n in (("cannot tell", 3), ("equal", 3), ("a", 8)):
         alike, mixed = conduct(log_of(*[choice] * n)), conduct(log_of("b", *[choice] * n))
