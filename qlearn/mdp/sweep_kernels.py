@@ -19,6 +19,12 @@ from elicit._support.prefetch import prefetch
 # single values at a million states takes a fifth longer, without fetching more than twice as long
 _AHEAD = 64
 
+# Rows between the one whose transitions are fetched and the one that is swept. A policy's rows lie
+# apart in memory, where a processor does not foresee them. With 4 or 16 in place of 8, a sweep of
+# single values takes as long; without fetching, 1.8 times as long (300,000 states).
+_ROWS_AHEAD = 8
+_A_LINE = np.uint64(8)  # probabilities in a cache line
+
 
 def sweep_together(
     first: int,
@@ -60,6 +66,11 @@ def sweep_rows(
     total = np.empty(c, v.dtype)
     for i in range(n):
         s = first + i
+        if i + _ROWS_AHEAD < n:
+            far = rows[s + _ROWS_AHEAD]
+            for at in range(np.uint64(ends[far]), np.uint64(ends[far + 1]), _A_LINE):
+                prefetch(successors, at)
+                prefetch(probabilities, at)
         start, end = np.uint64(ends[rows[s]]), np.uint64(ends[rows[s] + 1])
         # the successors of the next state are fetched while this one's are added
         ahead, last = end, end

@@ -30,19 +30,20 @@ def test_means_of_successors_are_those_of_a_matrix(name, compiled):
     np.testing.assert_array_equal(found, np.where(needed, expected, 0.0))
 
 
+@pytest.mark.parametrize("columns", [1, 3])
 @pytest.mark.parametrize("coarse", [True, False])
 @pytest.mark.parametrize("compiled", [True, False])
 @pytest.mark.parametrize("name", MODELS)
-def test_a_sweep_is_a_product_of_matrices(name, compiled, coarse):
+def test_a_sweep_is_a_product_of_matrices(name, compiled, coarse, columns):
     mdp, rng = MODELS[name], np.random.default_rng(0)
     kind = np.float32 if coarse else np.float64
-    gain, v = rng.random((2, mdp.n_states, 3)).astype(kind)
+    gain, v = rng.random((2, mdp.n_states, columns)).astype(kind)
     chain = warm_planning._Chain(mdp, np.argmax(mdp.admissible, axis=1))
     expected = chain.matrix.astype(kind) @ v
     expected *= mdp.discount
     expected += gain
     rows = chain.coarse() if coarse else chain.in_place()
-    found = np.full((mdp.n_states - 1, 3), np.nan, dtype=kind)
+    found = np.full((mdp.n_states - 1, columns), np.nan, dtype=kind)
     swept = sweep_kernels.sweep_rows if compiled else sweep_kernels.sweep_together
     with jit.compiling():
         swept(1, *rows, gain, kind(mdp.discount), v, found)
