@@ -514,9 +514,9 @@ class Interview(Closing):
         worst, best = (printable(self._subject.labels[i]) for i in (0, -1))
         slip = ""
         if choice in ("a", "b"):
-            slip = f"Everyone in {choice.upper()} is “{worst}”. Perhaps that was a slip. "
+            slip = f"Everyone in {choice.upper()} is “{worst}”: perhaps that was a slip. "
         return self._screen(
-            f"{slip}Most people choose {obvious.upper()}, because everyone in it is “{best}”. "
+            f"Most people choose {obvious.upper()}, because everyone in it is “{best}”. {slip}"
             "Now the real questions."
         )
 
