@@ -511,9 +511,13 @@ class Interview(Closing):
             return self._screen()
         if choice == obvious:
             return self._screen("Right. Now the real questions.")
+        worst, best = (printable(self._subject.labels[i]) for i in (0, -1))
+        slip = ""
+        if choice in ("a", "b"):
+            slip = f"Everyone in {choice.upper()} is “{worst}”: perhaps that was a slip. "
         return self._screen(
-            f"Most people choose {obvious.upper()}, because everyone in it is “"
-            f"{printable(self._subject.labels[-1])}”. Now the real questions."
+            f"Most people choose {obvious.upper()}, because everyone in it is “{best}”. {slip}"
+            "Now the real questions."
         )
 
     def _answer(self, id: str, choice: str) -> dict[str, Any]:

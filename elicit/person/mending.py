@@ -23,6 +23,7 @@ _IMPLIED = (
     "Check question: your earlier answers already point to one side. A second look guards against "
     "errors."
 )
+_IMPLIED_BY_ONE = _IMPLIED.replace("answers already point", "answer already points")
 _CHECK_TAKEN_BACK = (
     "This is the same check again, because you took back your answer to it. Your first answer to "
     "this question still stands. Choose as you see it now."
@@ -61,7 +62,9 @@ class Mending:
             return _TAKEN_BACK
         if query.id.startswith(ORDER):
             return _ORDER
-        return _IMPLIED if self._subject.least and self._session.implied(query) else ""
+        if not (self._subject.least and self._session.implied(query)):
+            return ""
+        return _IMPLIED_BY_ONE if len(self._session.log.standing) == 1 else _IMPLIED
 
     def conflict(self) -> dict[str, Any] | None:
         """Return the conflict that the last answer is part of, unless the person left it."""

@@ -99,7 +99,7 @@ def policy_conclusion(
     differing = _differing(told, mdp, result)
     return Conclusion(
         headline=headline,
-        size=f"{_size(told, bound, _SHORT)} {_until(told)}".strip(),
+        size=_size_and_end(told, bound, _SHORT),
         sure=f"{_sure(result)} The ideal plan is the one for your exact values.",
         next=after,
         more=more,
@@ -142,6 +142,11 @@ def _size(told: InWords, loss: float, what: str) -> str:
     if np.isnan(loss) or loss < _NO_LOSS:
         return ""
     return f"At most, {what} {told.loss(loss)}. This is a measure of size, not a forecast."
+
+
+def _size_and_end(told: InWords, loss: float, what: str) -> str:
+    """Return ``_size`` and when questions end, which is beside the point if nothing can be lost."""
+    return "" if loss < _NO_LOSS else f"{_size(told, loss, what)} {_until(told)}".strip()
 
 
 def _until(told: InWords) -> str:
@@ -475,7 +480,7 @@ def choice_conclusion(
     rows = tuple((row[0], *row[-2:], "chosen" if row[0] == best else "") for row in worth.rows)
     return Conclusion(
         headline=headline,
-        size=f"{_size(told, result.loss_bound, _BETTER)} {_until(told)}".strip(),
+        size=_size_and_end(told, result.loss_bound, _BETTER),
         sure=sure,
         next=after,
         more=more,

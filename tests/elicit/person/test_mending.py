@@ -38,6 +38,18 @@ def test_a_question_that_earlier_answers_decide_says_so(least: int) -> None:
         assert decided == (["q2", "q4"] if least else [])  # .6 < value, then value < .7
 
 
+def test_a_question_that_one_earlier_answer_decides_speaks_of_one_answer() -> None:
+    """A choice between .6 of the best level and the middle one decides that with .4."""
+    with (
+        Session(lambda known: Listed(QUESTIONS[1::-1], known), AnswerLog(), audit=0) as session,
+        Interview(session, Subject(LABELS)) as interview,
+    ):
+        screen = interview.handle({"do": "practised", "choice": "a"})
+        screen = answered(interview, screen, choice(session, 0.65))
+        said = screen["question"]["check"]
+        assert said.startswith("Check question: your earlier answer already points to one side.")
+
+
 def test_a_question_that_comes_again_keeps_its_number_and_says_why() -> None:
     with (
         Session(lambda known: Listed(QUESTIONS, known), AnswerLog(), audit=0) as session,

@@ -172,8 +172,9 @@ def test_no_size_is_given_to_a_loss_of_nothing(monkeypatch: pytest.MonkeyPatch) 
         for text in said:
             assert " 0 in 100" not in text
         for one in found:
+            assert bool(one.size) == (loss == 0.005)
             assert ("This is a measure of size" in one.size) == (loss == 0.005)
-            assert "We stop asking below 1 in 100." in one.size
+            assert ("We stop asking below 1 in 100." in one.size) == (loss == 0.005)
 
 
 @pytest.mark.parametrize("scale", [1.0, 20.0, 1 / 3])

@@ -484,6 +484,8 @@ def test_the_practice_question_says_what_most_would_say(
         == 1
     )
     assert not told(Path("answers-care.jsonl"))
+    slips = [re.search(r"Everyone in [AB] is “died”: perhaps", " ".join(t.split())) for t in said]
+    assert sum(map(bool, slips)) == 1
 
 
 def test_ctrl_c_keeps_what_was_answered(

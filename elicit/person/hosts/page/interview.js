@@ -39,6 +39,8 @@ export function mount(root, send, options = {}) {
   let untouched = 0; // a timer
   let letters = remembered(); // whether single letters answer
   let expected = null; // questions in all, as it looked last
+  let circled = false; // whether a question was drawn in circles
+  let barred = null; // id of the first question after that which is drawn in bars
   let furthest = 0; // the widest that the bar was, in percent
 
   const banner = part("div", "banner", { role: "alert" });
@@ -370,6 +372,9 @@ export function mount(root, send, options = {}) {
     if (asked.check) parts.unshift(part("p", "check", {}, [asked.check]));
     if (practice) parts.unshift(part("p", "practice", {}, [TRY, circles(asked)]));
     if (screen.legend.duration) parts.push(part("p", "soft same", {}, [screen.legend.duration]));
+    if (asked.icons) circled = true;
+    else if (circled) barred ??= asked.id;
+    if (asked.id === barred) parts.push(part("p", "soft same bars", {}, [BARS]));
     parts.push(sides(asked), others());
     if (!practice) {
       const why = part("details", "why", {}, [part("summary", "", {}, ["Why this question?"])]);
@@ -394,7 +399,7 @@ export function mount(root, send, options = {}) {
       const words = `${asked.sides[i]} is better`;
       const heading = part("h2", "", {}, [asked.sides[i]]);
       const rows = part("ul", "rows", {}, asked.rows.map((row) => level(asked, row, row[side], most)));
-      const [key, shortcut] = i ? ["→", "ArrowRight B"] : ["←", "ArrowLeft A"];
+      const [key, shortcut] = i ? [["→", "B"], "ArrowRight B"] : [["←", "A"], "ArrowLeft A"];
       const live = chosen === null;
       const card = part(live ? "section" : "div", "card", live ? { "aria-label": asked.sides[i] } : {}, [heading, rows]);
       if (live) {
@@ -737,6 +742,7 @@ const LONG = "This takes longer on a busy computer. You can wait, or come back t
 const RESULT = { words: "Working out your result ...", after: 50 };
 const PREPARING = "This takes a few seconds. The first start on a computer compiles, which takes up to two minutes.";
 const TRY = "Practice question: your answer is not saved.";
+const BARS = "These numbers are too large to draw circles, so the length of a bar shows how many.";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
 const UNFORESEEN = "How far each choice of time gets cannot be foreseen here. You will see it as you go.";
 const GIVEN = "It was given when the program was started.";
@@ -779,9 +785,10 @@ export function part(tag, name, attributes = {}, inside = []) {
   return made;
 }
 
+// A button; `key` is the key that it shows, or several.
 export function button(name, words, done, key, shortcut) {
-  const kind = /^[A-Z?]$/.test(key ?? "") ? "letter" : "";
-  const hint = key ? [part("kbd", kind, { "aria-hidden": "true" }, [key])] : [];
+  const kind = (one) => (/^[A-Z?]$/.test(one) ? "letter" : "");
+  const hint = [key ?? []].flat().map((one) => part("kbd", kind(one), { "aria-hidden": "true" }, [one]));
   const made = part("button", name, { type: "button" }, [...hint, words]);
   if (shortcut) made.setAttribute("aria-keyshortcuts", shortcut);
   made.addEventListener("click", done);
@@ -923,7 +930,8 @@ function toCome(range, seconds, atLeast) {
   const minutes = Math.max(1, Math.round((most * seconds) / 60));
   const time = `, up to ${minutes} ${minutes === 1 ? "minute" : "minutes"}`;
   if (least === most) return `about ${most} more${time}`;
-  return least === 0 ? `at most ${most} more${time}` : `about ${least} to ${most} more${time}`;
+  // no promise: an answer can open more than it closes
+  return least === 0 ? `up to about ${most} more${time}` : `about ${least} to ${most} more${time}`;
 }
 
 const thousands = (n) => n.toLocaleString("en-US");

@@ -856,6 +856,35 @@ def test_the_whole_card_answers(windows: Windows) -> None:
     assert len(windows.entries()) == 1
 
 
+def test_a_button_shows_its_arrow_and_its_letter_and_a_narrow_page_no_keys(
+    windows: Windows,
+) -> None:
+    with served(windows.log) as server:
+        page = windows.open(server)
+        practise(page)
+        keys = page.locator(".pick kbd")
+        assert keys.all_text_contents() == ["←", "A", "→", "B"]
+        said = page.locator("#elicit-letters")
+        assert said.is_visible()
+        assert all(key.is_visible() for key in keys.all())
+        page.set_viewport_size(NARROW)
+        assert not said.is_visible()
+        assert name(page, "Letter keys: on").is_visible()  # who zooms in may have a keyboard
+        assert not any(key.is_visible() for key in keys.all())
+
+
+def test_the_first_question_with_bars_instead_of_circles_says_why(windows: Windows) -> None:
+    few, many = ((0, 10, 0), (6, 0, 4)), ((0, 100, 0), (43, 0, 57))
+    questions = bags(few, many, ((0, 100, 0), (47, 0, 53)))
+    with served(windows.log, questions) as server:
+        page = windows.open(server)
+        practise(page)
+        for n, said in ((1, 0), (2, 1), (3, 0)):
+            at(page, f"Question {n}")
+            assert page.locator(".bars").count() == said
+            click(page, "equal")
+
+
 def test_single_letters_can_be_switched_off_and_stay_off(windows: Windows) -> None:
     with served(windows.log) as server:
         page = windows.open(server)
