@@ -343,10 +343,9 @@ class Beside(Closing):
             ahead = LookAhead(asker, twin, pending, swapped, session.answering(pending))
         counted = not session.is_repeat(shown.id)
         outlook = Outlook(
-            *(twin, shown, pending, subject.stakes, self._ends, subject.seed),
-            *(before, since, counted, near),
+            twin, shown, pending, subject.stakes, self._ends, subject.seed, before, since, counted
         )
-        outlook.stated = self._stated
+        outlook.stated, outlook.is_near = self._stated, near
         self._beside = _Computed(shown.id, asker, ahead, outlook)
         looks = () if ahead is None else ahead.steps()
         self._background.start(chain(instead, looks, outlook.steps()))

@@ -79,8 +79,6 @@ class Outlook:
         these answers are continued.
     counted : bool
         True if the question is one of those that are counted.
-    near : callable, optional
-        Takes ``twin.result()``, and returns whether little could be lost by stopping.
     """
 
     def __init__(
@@ -94,12 +92,13 @@ class Outlook:
         before: Outlook | None = None,
         answered: Sequence[Verdict | None] = (),
         counted: bool = True,
-        near: Callable[[Any], bool] | None = None,
     ) -> None:
         self.loss: float | None = None
         """What the result could lose, a share of the value range; None if unknown."""
         self.near: bool | None = None
         """True if little could be lost by stopping; None if that is not known."""
+        self.is_near: Callable[[Any], bool] | None = None
+        """Takes ``twin.result()``, and returns ``near``. It is set before ``steps``, if at all."""
         self.stated = Stated()
         """The loss that was last stated to the person. It is set before ``steps``."""
         self.why: tuple[str, ...] = ()
@@ -114,7 +113,7 @@ class Outlook:
         ):  # ``before`` was given up before it began
             before, since = earlier, [*before._answered, *since]
         self._twin, self._shown, self._pending = twin, shown, pending
-        self._stakes, self._ends, self._seed, self._near = stakes, ends, seed, near
+        self._stakes, self._ends, self._seed = stakes, ends, seed
         self._before: Outlook | None = before
         self._answered: list[Verdict | None] = since
         self.counted = counted
@@ -153,8 +152,8 @@ class Outlook:
             risen = rise(self.loss, self.stated, exact)
             self.why = (*self.why, stakes if risen is None else f"{stakes} {risen}")
         yield
-        if self._near is not None:
-            self.near = self._near(result)
+        if self.is_near is not None:
+            self.near = self.is_near(result)
             yield
         for play in self._all_plays(known):
             while not play.over and time.monotonic() < until:

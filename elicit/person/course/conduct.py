@@ -209,7 +209,7 @@ class Conduct:
 
     @property
     def cases(self) -> int:
-        """Of so many people who answer by chance, one does as well in the checks."""
+        """Number of people who answer by chance of whom one does as well in the checks."""
         as_well = sum(math.comb(self.checks, n) for n in range(self.differed + 1))
         return int(2**self.checks // as_well)
 

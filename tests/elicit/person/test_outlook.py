@@ -311,10 +311,8 @@ def test_a_loss_that_rose_since_it_was_stated_says_why() -> None:
 def test_whether_little_could_be_lost_is_found_beside_the_question(little: bool) -> None:
     asker, found = learning(()), []
     query = asker.ask()[0]
-    notes = Outlook(
-        *(asker, show(query), query, lambda _: None, lambda _: True, 0),
-        near=lambda result: bool(found.append(result)) or little,
-    )
+    notes = Outlook(asker, show(query), query, lambda _: None, lambda _: True, 0)
+    notes.is_near = lambda result: bool(found.append(result)) or little
     assert notes.near is None
     for _ in notes.steps():
         pass

@@ -49,10 +49,21 @@ def truthful(values: Any, errors: float = 0.0, seed: int = 0) -> Says:
 
 
 class Person:
-    """A person in an interview: says answers a question; settles and offered, the other screens."""
+    """A person in an interview: ``says`` answers a question, ``settle`` and ``option`` the others.
 
-    def __init__(self, interview: Interview, says: Says, settle: int = 0, option: str = "on"):
+    ``offers`` gets the headings of offers.
+    """
+
+    def __init__(
+        self,
+        interview: Interview,
+        says: Says,
+        settle: int = 0,
+        option: str = "on",
+        offers: list[str] | None = None,
+    ):
         self.interview, self.says, self.settle, self.option = interview, says, settle, option
+        self.offers: list[str] = [] if offers is None else offers
         self.stages: list[str] = []
         self.screen = interview.handle({"do": "state"})
 
@@ -70,6 +81,7 @@ class Person:
                 choice = found["choices"][self.settle]["choice"]
                 self.screen = handle({"do": "settle", "id": found["id"], "choice": choice})
             case "offer":
+                self.offers.append(screen["offer"]["heading"])
                 self.screen = handle({"do": "choose", "option": self.option})
             case "question":
                 question = screen["question"]
@@ -130,10 +142,12 @@ def test_most_who_answer_by_chance_get_an_end_that_says_so() -> None:
 def test_a_truthful_person_is_told_nothing_of_the_kind() -> None:
     for seed in range(scaled(1, 3)):
         values = np.sort(np.random.default_rng(seed).random(5))
-        screen, stages = interviewed(truthful(values))
+        offers: list[str] = []
+        screen, stages = interviewed(truthful(values), offers=offers)
         assert screen["end"]["caution"] is None
         assert screen["end"]["settled"]
-        assert not {"conflict", "offer"} & {*stages}
+        assert "conflict" not in stages
+        assert {*offers} <= {"Your plan is already close to your ideal plan"}
         counts = screen["end"]["counts"]
         assert counts["answered"] - counts["cannot tell"] >= 5
         assert counts["repeated"] == counts["alike"] >= 1
