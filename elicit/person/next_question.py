@@ -96,10 +96,7 @@ class NextQuestion:
 
         There is none without enough answers and checks, or if nothing is at stake.
         """
-        if not may_be_near(conduct, self._subject.least):
-            return None
-        start = self.at_start()
-        if start is None or start.finished:
+        if not may_be_near(conduct, self._subject.least) or (start := self._staked()) is None:
             return None
         return self._subject.nearly(self._session.result(), start.loss)
 
@@ -116,11 +113,15 @@ class NextQuestion:
         """
         if not self._subject.least or self._chosen.more or conduct.put + 1 < NEARLY_FROM:
             return None
-        start = self.at_start()
-        if start is None or start.finished:
+        if (start := self._staked()) is None:
             return None
         nearly, loss = self._subject.nearly, start.loss
         return lambda result: nearly(result, loss) is not None
+
+    def _staked(self) -> Start | Before | None:
+        """Return what was known before the first answer, or None if nothing was at stake then."""
+        start = self.at_start()
+        return None if start is None or start.finished else start
 
     def only_checks(self) -> bool:
         """Return whether no question is left but those that are still needed."""
@@ -163,20 +164,18 @@ class NextQuestion:
 
     def _extra(self) -> Query | None:
         """Return the question to put if the asker has none, or None at the end of the interview."""
-        conduct, start = self._session.conduct(), self.at_start()
-        needed = start is not None and not start.finished
+        conduct, needed = self._session.conduct(), self._staked() is not None
         few = needed and conduct.with_verdict < self._subject.least
         if needed and not few and self._session.audits and conduct.unresolved:
             few = self._session.confirming() is None  # then there is more to put again
         enough = self._subject.enough
-        if needed and not few and enough is not None and not enough(self._session.result()):
+        unsure = needed and not few and enough is not None and not enough(self._session.result())
+        if unsure:
             if (check := self._session.checking()) is not None:
                 return check
             # where little is left to gain, questions whose answers follow from others add nothing
             few = self.nearly(conduct) is None
-            open_still = True
-        else:
-            open_still = self._chosen.more or few
+        open_still = unsure or self._chosen.more or few
         if open_still and (found := self.about_a_level(few)) is not None:
             return found
         return self._session.confirming() if needed or self._chosen.more else None

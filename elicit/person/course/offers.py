@@ -26,10 +26,9 @@ def after_unsure(in_a_row: int, nearly: NearlyEnough | None) -> dict[str, Any]:
     nearly : NearlyEnough or None
         A statement that little could be lost by stopping, if that is so.
     """
-    little = "" if nearly is None else f"{nearly.heading}. {nearly.text} "
     return {
         "heading": f"You could not tell {in_a_row} times in a row",
-        "text": f"That is fine. {little}What would you like to do?",
+        "text": f"That is fine. {_little(nearly)}What would you like to do?",
         "options": [
             {"option": "other", "label": "Try another kind of question"},
             {"option": "on", "label": "Go on as before"},
@@ -41,12 +40,16 @@ def after_unsure(in_a_row: int, nearly: NearlyEnough | None) -> dict[str, Any]:
 
 def after_plan(over: str, nearly: NearlyEnough | None) -> dict[str, Any]:
     """Return the offer when the planned questions or minutes are over; ``over`` says which."""
-    little = "" if nearly is None else f"{nearly.heading}. {nearly.text} "
     return {
         "heading": over,
-        "text": f"{little}You can see the result now, or go on for a smaller uncertainty.",
+        "text": f"{_little(nearly)}You can see the result now, or go on for a smaller uncertainty.",
         "options": [_STOP, {"option": "on", "label": "Go on until it is settled"}],
     }
+
+
+def _little(nearly: NearlyEnough | None) -> str:
+    """Return the statement as sentences before others, or ""."""
+    return "" if nearly is None else f"{nearly.heading}. {nearly.text} "
 
 
 def after_little_loss(nearly: NearlyEnough) -> dict[str, Any]:
