@@ -108,6 +108,19 @@ def compiled_beside(stand_in: Callable[..., Any], *, unlocked: bool = False) -> 
     return made
 
 
+def compiled_in_parts(function: F) -> F:
+    """Make a function run interpreted, while each function that it calls is compiled on its own.
+
+    It is compiled as a whole only if its machine code is on the disk or ``compiling()`` asks for
+    it. Use it in place of ``compiled`` where a function that is called often is called by one that
+    runs seldom and would take the compiler long.
+    """
+    made = _made(function)
+    if isinstance(made, Compiled) and not _settings.DISABLE_JIT:
+        vars(made)["_source"], made.in_parts = function, True
+    return made
+
+
 def expect(function: Callable[..., Any], seconds: float) -> None:
     """Tell a compiled function how many seconds its next call would take if interpreted.
 
@@ -136,12 +149,13 @@ class Compiled:
     """
 
     literal = False  # whether numbers that stand in a call have versions of their own
+    in_parts = False  # whether only the functions that it calls are compiled when they take long
     # numba reads these two: whether to write the function out where it is called, and its code
     targetoptions: Mapping[str, str] = MappingProxyType({})
     py_func: Callable[..., Any]
     patient = not os.environ.get("ELICIT_COMPILE_FIRST")
 
-    def __init__(self, function: Callable[..., Any], machine: Any, place: Path) -> None:
+    def __init__(self, function: Callable[..., Any], machine: Any, place: str | None) -> None:
         update_wrapper(self, function)
         self._function, self.machine, self._place = function, machine, place
         self._spent, self._lasts = 0.0, False
@@ -151,7 +165,7 @@ class Compiled:
             return self._interpreted(arguments)
         if self._lasts or not self.patient:
             return self.machine(*arguments)
-        if self._may_be_kept:
+        if self._may_be_kept or self.machine.overloads:  # on the disk, or for another function
             _here.only_kept = True
             try:
                 return self.machine(*arguments)
@@ -167,15 +181,18 @@ class Compiled:
 
     def expect(self, seconds: float) -> None:
         """Have the next call compiled if past and coming seconds exceed ``_PATIENCE``."""
-        self._lasts = self._lasts or self._spent + seconds > _PATIENCE
+        if not self.in_parts:
+            self._lasts = self._lasts or self._spent + seconds > _PATIENCE
 
     @cached_property
     def _may_be_kept(self) -> bool:
         """Return whether machine code of this function may be on the disk.
 
-        The disk is looked at once in a process: False if no file had the function's name then.
+        The folder of its file's machine code is looked at once in a process: False if no file had
+        the function's name then.
         """
-        return any(self._function.__name__ in name for name in _names_in(self._place))
+        names = _names_in(self._place) if self._place else ()
+        return any(self._function.__name__ in name for name in names)
 
     def _interpreted(self, arguments: tuple[Any, ...]) -> Any:
         with np.errstate(
@@ -292,16 +309,16 @@ class _Refuser(event.Listener):
 
 
 @cache
-def _names_in(place: Path) -> frozenset[str]:
-    """Return the names of all files in a folder and in the folders in it."""
-    return frozenset(path.name for path in place.rglob("*"))
+def _names_in(place: str) -> frozenset[str]:
+    """Return the names of all files in a folder; none if there is no such folder."""
+    return frozenset(path.name for path in Path(place).glob("*"))
 
 
 def _made(function: F, **options: Any) -> F:
     options = {"error_model": "numpy", "no_cfunc_wrapper": True, **options}
     usual, file = _settings.CACHE_DIR, Path(function.__code__.co_filename)
     packages = frozenset(_packages_called(function, _package_of(file)))
-    _settings.CACHE_DIR = place = _cache_of(usual, file.parent, packages)
+    _settings.CACHE_DIR = _cache_of(usual, file.parent, packages)
     try:
         made: Any = njit(cache=True, **options)(function)
     except RuntimeError:  # nowhere to keep it
@@ -309,7 +326,8 @@ def _made(function: F, **options: Any) -> F:
     finally:
         _settings.CACHE_DIR = usual
     _OURS.add(function)
-    return cast(F, Compiled(function, made, Path(place)))
+    place = None if _settings.DISABLE_JIT else made.stats.cache_path
+    return cast(F, Compiled(function, made, place))
 
 
 def _package_of(file: Path) -> Path:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit._support.jit import compiled, compiled_beside
+from elicit._support.jit import compiled, compiled_beside, compiled_in_parts
 from elicit.lp.analytic_centre import analytic_centre
 from elicit.lp.dual_simplex import minimise
 from elicit.lp.primal_simplex import (
@@ -137,7 +137,7 @@ def cut(known: Known, row: Any, limit: float) -> Known:
     return new
 
 
-@compiled
+@compiled_in_parts
 def cut_at_once(known: Known, row: Any) -> tuple[bool, Known]:
     """Return whether a row (p,), row.g >= 0, makes a usual cut, and the facts after it.
 

@@ -148,7 +148,7 @@ class InteractiveQLearning(Learner):
         for array in self.model:
             if isinstance(array, np.ndarray):
                 array.flags.writeable = False  # copies of the learner share them
-        jit.expect(kernel.advance_and_ask, 1e-3 * steps)
+        jit.expect(kernel.advance, 1e-3 * steps)
         self.state = _first_state(mdp, self.model, exploration.start)
         self._pairs = PairDecider(self._elicitation, mdp.n_states * mdp.n_actions)
         self._verdict = int(Verdict.UNKNOWN)  # on the pair at the cursor

@@ -27,7 +27,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from elicit._support.jit import compiled, written_out
+from elicit._support.jit import compiled, compiled_in_parts, written_out
 from elicit.asking.elicitation import Elicitation
 from elicit.asking.elicitation_kernel import AskingState, PairDecision, decide_pair
 from elicit.comparators.baselines import AlwaysAsk
@@ -388,7 +388,7 @@ def record(q: Any, s: int, a: int, b: int, t: Any, verdict: int, told: Told) -> 
     told.fill[USED] = row + 1
 
 
-@compiled
+@compiled_in_parts
 def learn_pair(
     q: Any, s: int, a: int, b: int, d: Any, t: Any, deciding: DecidingArrays
 ) -> tuple[int, int, Known]:

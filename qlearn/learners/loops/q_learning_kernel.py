@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.hashing import mix, unit
-from elicit._support.jit import compiled
+from elicit._support.jit import compiled, compiled_in_parts
 from elicit.decision.comparator_rule import Rule
 from elicit.lp.primal_simplex import Known
 from elicit.lp.sign_proofs import BY_DOMINANCE
@@ -147,7 +147,7 @@ def advance(state: State, model: Model, verdict: int, deciding: DecidingArrays) 
         cursor[STEP] += 1
 
 
-@compiled
+@compiled_in_parts
 def advance_and_ask(
     state: State, model: Model, verdict: int, deciding: DecidingArrays
 ) -> tuple[int, Known]:

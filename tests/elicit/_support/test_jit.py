@@ -213,6 +213,46 @@ print(caller(3), sorted(Watch.seen))
     assert run(WATCH + code, tmp_path, **kept) == ["4 6 []", "8 ['caller', 'helper']"]
 
 
+def test_in_parts_only_what_takes_long_itself_is_compiled(tmp_path: Path) -> None:
+    """Once it is compiled, for whichever function, its machine code is called."""
+    (tmp_path / "helper.py").write_text(HELPER.format(1))
+    (tmp_path / "caller.py").write_text(CALLER.replace("compiled", "compiled_in_parts"))
+    (tmp_path / "other.py").write_text(CALLER)
+    code = """
+import other
+from caller import caller, helper
+clock = iter([0.0, 0.1, 0.2, 1000.0])
+print(caller(1), Watch.seen)
+jit.expect(caller, 1000.0)
+jit.expect(other.caller, 1000.0)
+print(other.caller(2), Watch.seen)
+jit.thread_time = lambda: next(clock)
+print(caller(3), Watch.seen)  # two calls of the clock: helper is not interpreted
+print(next(clock))
+"""
+    kept = {"NUMBA_CACHE_DIR": str(tmp_path / "kept"), **PATIENT}
+    assert run(WATCH + code, tmp_path, **kept) == [
+        "4 []",
+        "6 ['caller', 'helper']",
+        "8 ['caller', 'helper']",
+        "0.2",
+    ]
+
+
+def test_the_disk_is_searched_only_where_a_checkout_keeps_its_code(tmp_path: Path) -> None:
+    """A copy of the sources at another path has none of it, and asks numba for none."""
+    kept = {"NUMBA_CACHE_DIR": str(tmp_path / "kept"), **PATIENT}
+    found = []
+    for name in ("here", "there"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "helper.py").write_text(HELPER.format(1))
+        code = "from helper import helper; helper(1); print(helper._may_be_kept)"
+        first = "from helper import helper; jit.expect(helper, 1000.0); helper(1)\n"
+        run(WATCH + (first if name == "here" else ""), tmp_path / name, **kept)
+        found += run(WATCH + code, tmp_path / name, **kept)
+    assert found == ["True", "False"]
+
+
 def test_what_would_take_long_is_compiled_at_once(tmp_path: Path) -> None:
     (tmp_path / "helper.py").write_text(HELPER.format(1))
     code = """
