@@ -23,7 +23,8 @@ def quantiles(scores: Floats, weights: Floats, level: float) -> tuple[float, flo
 def upper_together(scores: Floats, weights: Floats, level: float) -> Floats:
     """Return upper bounds (n,) on scores (n, m), all of which hold under a weight of ``level``.
 
-    Draws are left out up to the weight 1 - ``level``: those with the greatest score in any row.
+    Draws are sorted by their greatest score over the rows. Those with the greatest are left out, up
+    to a total weight of 1 - ``level``. A bound is the greatest score of its row under the others.
     """
     order = np.argsort(scores.max(axis=0), kind="stable")
     enough = int(np.searchsorted(np.cumsum(weights[order]), level - LEVEL_ROUNDING))

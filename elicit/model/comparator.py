@@ -238,9 +238,9 @@ def check_tie(tie: float) -> float:
 
 
 def check_comparator_made(comparator: Comparator) -> None:
-    """Raise TypeError unless the object is a comparator, and say what it lacks.
+    """Raise TypeError unless the object is a comparator. The error names the members it lacks.
 
-    A comparator's class, without the call that makes one, is no comparator.
+    A class is refused too: ``PolytopeComparator`` without ``(k=5)`` is not a comparator yet.
     """
     lacking = sorted(set(_MEMBERS) - set(dir(comparator)))
     if isinstance(comparator, type) or lacking:

@@ -341,7 +341,10 @@ def bounds_after(
 
 
 def bounds_on_trial(comparator: Comparator, asked: Floats, d: Floats) -> Floats:
-    """Return the numbers of ``bounds_after``, found by telling a comparator each answer."""
+    """Compute ``bounds_after`` the slow way, by an update of the comparator with each answer.
+
+    The comparator itself stays as it is.
+    """
     out = np.full((len(asked), 2, len(d)), -np.inf)
     for i, row in enumerate(asked):
         for part, verdict in enumerate((Verdict.WORSE, Verdict.BETTER)):
@@ -424,7 +427,7 @@ class KeepsAnswers(Protocol):
 
     @property
     def answers(self) -> Answers:
-        """All answers learned, in told order."""
+        """All answers learned, in the order in which they were told."""
 
 
 @runtime_checkable

@@ -91,7 +91,10 @@ def _kinds() -> Any:
 
 
 def _check_terms(constraint: Any, k: int, called: str) -> None:
-    """Raise ValueError unless a constraint is about the scale alone, with values of parameters."""
+    """Raise ValueError unless ``scale_variable(k)`` is the constraint's only variable.
+
+    Each parameter in the constraint must have a value.
+    """
     variables = constraint.variables()
     if not variables:
         raise ValueError(

@@ -139,15 +139,23 @@ class Company(Closing):
         self._prospects: Prospects | None = None
 
     def foresee(self, prospects: Prospects, own: Background) -> Prospects:
-        """Return the forecasts for these numbers of questions, and have them computed.
+        """Have an interview's forecasts computed in a thread, and return the object that gets them.
 
-        Before the first answer they are the same for all people, so they are computed once.
+        Before the first answer, forecasts for the same numbers of questions are the same for all
+        people. So with ``several`` interviews those of the first one are shared by the others, if
+        they are for the same numbers of questions.
 
         Parameters
         ----------
         prospects : Prospects
+            The interview's forecasts, not yet computed.
         own : Background
-            The interview's own thread, for work that is not shared.
+            The interview's own thread, which computes them if they are not shared.
+
+        Returns
+        -------
+        Prospects
+            The shared forecasts, or else ``prospects``.
         """
         with self._lock:
             if self._several and self._prospects is None:

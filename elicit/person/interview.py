@@ -477,7 +477,11 @@ class Interview(Closing):
         return conduct.put + pace.questions_in(self._chosen.minutes)
 
     def _keep(self) -> None:
-        """Log the person's choices, with the next question, if no question is on the screen."""
+        """Log the person's choices if they have changed, although no question is on the screen.
+
+        They are logged together with the next question. If there is none, or it cannot be shown
+        exactly, nothing is logged.
+        """
         if self._chosen == self._kept:
             return
         query = self._session.question()

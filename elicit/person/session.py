@@ -637,9 +637,9 @@ class Session(Closing):
         return self._pending().get(id)
 
     def _in_place_of(self, query: Query) -> Query | None:
-        """Return the query to put in place of a pending query, or None to put that itself.
+        """Return the query that replaces a pending query, or None if that one is put unchanged.
 
-        An audit is always put as it is.
+        ``choose_replacement`` chooses it. An audit is never replaced.
         """
         if self.choose_replacement is None or not self.makes_askers:
             return None

@@ -277,7 +277,10 @@ def _rows(interview: Interview, who: str, what: str) -> list[dict[str, Any]]:
 
 
 def _table(found: Any) -> FollowingTable:
-    """Return the losses from following one another, for the report."""
+    """Return the report's table of losses: those of each person under each other's policy.
+
+    ``found`` is a ``Following``. If people choose from a list, choices take the place of policies.
+    """
     from elicit.person.study.report import FollowingTable
 
     what, where = ("policy", ", at the worst state") if found.of_policies else ("choice", "")

@@ -207,7 +207,8 @@ def exchanged(query: Query) -> Query:
 def _exchanged_text(about: str) -> str:
     """Return "x: b (left) or a (right)?" for "x: a (left) or b (right)?".
 
-    If a name has a colon or a side of its own, only the words for the sides are exchanged.
+    If the text has another form, or if a name in it contains ": ", "(left)" or "(right)", each
+    "(left)" becomes "(right)", each "(right)" becomes "(left)", and all else stays.
     """
     found = _TWO_SIDES.fullmatch(about)
     if not found or about.count(": ") > 1 or len(re.findall(r"\((?:left|right)\)", about)) > 2:

@@ -148,9 +148,11 @@ def rewarded(mdp: OrdinalMDP, e: Floats) -> tuple[Floats, Floats]:
 
 
 def backed_up(mdp: OrdinalMDP, gain: Floats, ends: Floats, v: Floats) -> Floats:
-    """Return the value of each action (S, A) if next states have the values v (S,).
+    """Return the value of each action (S, A): its reward, plus the discounted value after it.
 
-    It is -inf if the action is inadmissible.
+    ``gain`` (S, A) are the rewards, ``v`` (S,) the values of next states, and ``ends`` (S,) those
+    of terminal states. For a known scale ``rewarded`` returns ``gain`` and ``ends``. At a terminal
+    state each action has the state's value. The value of an inadmissible action is -inf.
     """
     q: Floats = gain + mdp.discount * (mdp.transitions @ v).reshape(mdp.levels.shape)
     q[mdp.terminal] = ends[mdp.terminal, None]

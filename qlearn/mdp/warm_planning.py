@@ -46,12 +46,12 @@ _LOOKED_AT = 1000  # states by which that share is estimated
 
 
 class Seen:
-    """The products of an earlier sweep, from which it follows which actions may be the best now.
+    """The values and means of an earlier sweep, which show that some actions are not the best now.
 
-    If v differs from the earlier values by between ``low`` and ``high``, the mean of an action's
-    successors differs from the earlier mean by that too. So an action that was worse than another
-    one by more than discount (high - low) is still worse. At first nothing is seen: the values and
-    the means are 0.
+    An action's mean is the expected value of its next state. If all values v have changed by
+    between ``low`` and ``high`` since, each mean has too. So an action that was worse than another
+    one by more than discount * (high - low) is still worse. Before the first sweep, values and
+    means count as 0.
     """
 
     def __init__(self) -> None:

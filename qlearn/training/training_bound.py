@@ -31,10 +31,11 @@ ROUNDING = 1e-9
 
 
 def greatest_error(errors: ArrayLike, k: int) -> float:
-    """Return the greatest standard error of a vector's value under any scale.
+    """Return an upper bound on the standard error of a vector's value, for all scales.
 
-    The error of a tail sum is at most the sum of its shares' errors, and at most that of the other
-    shares' errors.
+    The value is a mean of tail sums, so its error is at most the greatest error of a tail sum. That
+    is at most the sum of the errors of the shares in the tail. Since shares total 1, it is also at
+    most the sum of the errors of the other shares.
 
     Parameters
     ----------

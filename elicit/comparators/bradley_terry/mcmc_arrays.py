@@ -279,9 +279,10 @@ def _log_likelihood(
 
 
 def _log_terms(eta: Floats, tied: Any, lapse: Floats, width: Floats) -> Floats:
-    """Return the sums of ``log_term`` over a block of answers with logits eta (n, q).
+    """Return the sums (q,) of ``log_term`` over a block of n answers with logits eta (n, q).
 
-    The result is that of ``density.log_terms``, or with widths of ``log_terms_apart``.
+    Without a width of EQUAL the result is that of ``density.log_terms``. With one it is that of
+    ``density.log_terms_apart``.
     """
     apart, sure, ties = bool(width[:1] > 0.0), 1.0 - lapse, tied[:, None]
     u = np.where(ties, width - np.abs(eta), eta - width) if apart else eta

@@ -231,7 +231,9 @@ class OpenOrderPosterior:
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
         """Return upper bounds on d.e that hold for all rows at once, and the probability of that.
 
-        The draws with the greatest d.e of any row are left out, up to the weight 1 - ``level``.
+        Draws are sorted by their greatest d.e over the rows. Those with the greatest are left out,
+        up to a total weight of 1 - ``level``. A bound is the greatest d.e of its row under the
+        others.
         """
         draws = self.draws
         at = product(tail_sums(self._rows(d)), draws.gaps)

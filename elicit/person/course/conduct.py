@@ -304,8 +304,8 @@ class Conduct:
 class Repeats:
     """Chooses when an earlier question is put again, and which one.
 
-    A ``share`` of the questions have a repeat in front of them. The choice depends on the seed and
-    on the answers that stand, so that it is the same after a restart.
+    Before a ``share`` of the questions, an earlier question is put again. The choice depends
+    on the seed and on the answers that were not withdrawn, so it is the same after a restart.
     """
 
     def __init__(self, log: AnswerLog, share: float, seed: Seed) -> None:
