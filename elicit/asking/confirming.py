@@ -67,7 +67,7 @@ def confirming_question(comparator: Comparator, d: Floats, limit: float) -> Conf
         The same input gives the same question.
     """
     known = cast(_CellScales, comparator)
-    parts = [_WeighedCell.of(cell, known.wrong, d, limit) for cell in known.cells]
+    parts = [_WeighedCell.of(cell, known.wrong, d) for cell in known.cells]
     most = np.max([part.high for part in parts], axis=0)
     own = np.argsort(-most, kind="stable")[:_OWN]
     again = known.answers.d[comparator.compare(known.answers.d) == Verdict.UNKNOWN]
@@ -96,7 +96,7 @@ class _WeighedCell(NamedTuple):
     high: Floats  # (n,)
 
     @staticmethod
-    def of(cell: Cell, wrong: int, d: Floats, limit: float) -> _WeighedCell:
+    def of(cell: Cell, wrong: int, d: Floats) -> _WeighedCell:
         """Return a cell with its bounds on d (n, k).
 
         In total ``wrong`` answers may be wrong, including those that are wrong in the cell.

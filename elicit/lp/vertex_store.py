@@ -139,12 +139,12 @@ def cut(known: Known, row: Any, limit: float) -> Known:
 
 @compiled_in_parts
 def cut_at_once(known: Known, row: Any) -> tuple[bool, Known]:
-    """Return whether a row (p,), row.g >= 0, makes a usual cut, and the facts after it.
+    """Return whether compiled code can cut by a row (p,), row.g >= 0, and the facts after the cut.
 
-    If it does not, the facts are returned unchanged. After a usual cut they are those that
-    ``PlausibleSet.cut`` would have. An unusual cut needs Python: the row already decides something,
-    or floats find no inner point or no vertex to start walks from, or an earlier answer may be the
-    opposite.
+    If it can, the facts are those that ``PlausibleSet.cut`` would have. If it cannot, they are
+    returned unchanged, and Python must make the cut. It cannot if the sign of row.g is decided
+    already, if floats find no inner point or no vertex to start walks from, or if the row may be
+    the negative of an earlier answer's row.
     """
     if sign_of(row, known) != UNKNOWN:
         return False, known

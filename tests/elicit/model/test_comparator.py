@@ -435,7 +435,7 @@ def test_answers_are_kept_in_full():
         check_comparator(type("Bad", (Dominance,), {"answers": Answers.none(4)})(4))
 
 
-def test_a_rule_that_leaves_differences_open_needs_settle():
+def test_a_rule_that_leaves_differences_open_needs_decide_rest():
     class Half(OneScale):
         rule = nothing()
 
