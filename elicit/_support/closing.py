@@ -6,7 +6,7 @@ from typing import Self
 
 
 class Closing(ABC):
-    """Base class of things that have a ``close``, which the end of a ``with`` block calls."""
+    """Base class of objects with a ``close`` method, which the end of a ``with`` block calls."""
 
     @abstractmethod
     def close(self) -> None:

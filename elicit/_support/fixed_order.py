@@ -110,8 +110,8 @@ def _orthogonal_to(span: list[Floats], x: Floats) -> Floats:
 class LeastSquares:
     """The factors of a matrix (m, q), m >= q, for least squares.
 
-    The factorisation is Householder's QR, with columns and rows sorted by size. A diagonal entry of
-    the triangle below ``least`` times the largest is raised to that.
+    The factorisation is Householder's QR, with columns and rows sorted by size. No diagonal entry
+    of the triangle is below ``least`` times the largest: smaller ones are raised to that.
     """
 
     def __init__(self, matrix: Floats, least: float = 1e-13) -> None:

@@ -124,8 +124,8 @@ def compiled_in_parts(function: F) -> F:
 def expect(function: Callable[..., Any], seconds: float) -> None:
     """Tell a compiled function how many seconds its next call would take if interpreted.
 
-    If these and its past seconds exceed the limit, the function is compiled at that call. A loop
-    that returns to Python only at its end needs this.
+    The function is compiled at that call if these seconds and those of its past calls together
+    exceed the limit. A loop that returns to Python only at its end needs this.
     """
     if isinstance(function, Compiled):
         function.expect(seconds)
@@ -188,8 +188,8 @@ class Compiled:
     def _may_be_kept(self) -> bool:
         """Return whether machine code of this function may be on the disk.
 
-        The folder of its file's machine code is looked at once in a process: False if no file had
-        the function's name then.
+        It may be if some file in the folder of machine code has the function's name. The folder is
+        read once in a process.
         """
         names = _names_in(self._place) if self._place else ()
         return any(self._function.__name__ in name for name in names)
@@ -397,8 +397,8 @@ def first_on_this_machine() -> bool:
 class _Announcer(event.Listener):
     """A listener to numba that says on standard error when compiling begins and when it has ended.
 
-    Only the first process on a machine says so. Processes that compile beside it or later are
-    silent.
+    Only the first process on a machine says so. Processes that compile at the same time or later
+    are silent.
     """
 
     _QUIET = 3.0  # seconds without anything to compile, after which it is over

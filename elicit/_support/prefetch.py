@@ -30,7 +30,10 @@ def _compiled_prefetch(array: Any, row: Any) -> Any:
 
 
 def _row_fetched(typing: Any, array: Any, row: Any) -> Any:
-    """Fetch the first and the last number of a row: a short one lies on at most two cache lines."""
+    """Fetch the first and the last number of a row.
+
+    A short row lies on at most two cache lines, so all of it is fetched.
+    """
     tools: Any = cgutils  # numba's types are not known in all versions
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:

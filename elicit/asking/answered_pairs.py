@@ -69,7 +69,10 @@ class AnsweredPairs:
         )
 
     def _find(self, t: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the rows (n,) of pairs with tail sums t (n, p), and their ways round."""
+        """Return the table's row (n,) of each pair, and 1 (n,), or -1 where the pair is flipped.
+
+        The pairs have tail sums t (n, p). The result is that of ``find``.
+        """
         rows, ways = np.full(len(t), NOT_THERE), np.ones(len(t), np.int64)
         if len(self):
             expect(find_all, 1e-5 * t.size)

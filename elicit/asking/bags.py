@@ -85,12 +85,12 @@ class Bags:
     ) -> tuple[int, Floats]:
         """Return the row of ``questions`` to ask, and the information (n,) of each of them in bits.
 
-        The information is about the signs of d.e for the differences ``about`` (c, k). Chosen is
-        the easiest question with at least (1 - simplicity) of the greatest information. The row is
-        -1 if none has any. ``draws`` are plausible scales, ``lapse`` is the share of answers given
-        at random, and ``skip`` are rows not to ask. Raises ValueError if ``about`` is not finite or
-        not of the draws' k levels, ``lapse`` is outside 0..1, or ``questions`` has no row of
-        ``skip``.
+        The information is about the signs of d.e for the differences ``about`` (c, k). The row is
+        that of the easiest question with at least (1 - simplicity) of the greatest information, or
+        -1 if no question gives any. ``draws`` are plausible scales, ``lapse`` is the share of
+        answers given at random, and ``skip`` are rows not to ask. Raises ValueError if ``about`` is
+        not finite or not of the draws' k levels, ``lapse`` is outside 0..1, or ``questions`` has no
+        row of ``skip``.
         """
         k = len(draws.gaps) + 1
         wanted_signs, asked = as_vectors(about, k), self.questions(k)

@@ -310,11 +310,11 @@ class Choosing:
         self._elicitation.open([Pair(self._vectors[ahead], self._vectors[other], about)])
 
     def _plan_best(self, by_guess: _Indices) -> _Plan:
-        """Return vectors that may be the best, the number after the first, and pairs to ask.
+        """Return the best candidates first, the number of comparisons left, and pairs to ask about.
 
-        A vector may be the best if no other is better by the answers so far. They are sorted by
-        estimated value, best first. The pairs (n, 2) are among the first few, the better estimate
-        first.
+        A candidate is a vector to which no other is better by the answers so far. Candidates are
+        sorted by estimated value. All but one of them must still lose a comparison. The pairs (n,
+        2) are among the first few candidates, the better estimate first.
         """
         left: list[int] = []
         for i in self._standing:
@@ -332,11 +332,11 @@ class Choosing:
         )
 
     def _plan_order(self, by_guess: _Indices) -> _Plan:
-        """Return the order of the vectors, and the number and pairs of comparisons by estimate.
+        """Return the order of the vectors, and the number and the pairs of the comparisons guessed.
 
-        Each vector is inserted into the sorted list by a search that starts at the end where its
-        estimate puts it, and doubles its steps. So a good estimate costs one comparison for each
-        vector.
+        Each vector is inserted into a sorted list. The search for its place starts at the end of
+        the list where its estimate puts it, and doubles its steps. So a good estimate costs one
+        comparison for each vector.
         """
         self._decide(by_guess[:-1], by_guess[1:])
         groups: list[list[int]] = []
@@ -381,7 +381,7 @@ class Choosing:
     def _enter(
         self, i: _Indices, j: _Indices, verdicts: NDArray[np.int8], finality: NDArray[np.int8]
     ) -> None:
-        """Note verdicts (n,) on rows i against rows j, (n,) each, and the flipped ones on j, i."""
+        """Store verdicts (n,) on rows i (n,) against rows j (n,), and the opposite on j and i."""
         self._verdicts[i, j], self._finality[i, j], self._finality[j, i] = (
             verdicts,
             finality,
@@ -392,7 +392,7 @@ class Choosing:
     def _decide(self, ahead: ArrayLike, other: ArrayLike) -> NDArray[np.int8]:
         """Return verdicts (n,) on rows ``ahead`` (n,) against rows ``other`` (n,) or one row.
 
-        Verdicts of the comparator are final, and so are ties. Another answer of the tutor stands
+        A verdict of the comparator is final, and so is a tie. Any other answer of the tutor counts
         until the comparator decides the pair.
         """
         a, b = np.broadcast_arrays(

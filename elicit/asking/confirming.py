@@ -47,8 +47,8 @@ class Confirming(NamedTuple):
 def confirming_question(comparator: Comparator, d: Floats, limit: float) -> Confirming:
     """Return the question that is expected to bring upper bounds on d.e down most, in all cells.
 
-    The bounds are to come down to ``limit``. A question is better, the fewer halvings of bounds its
-    answer is expected to leave (``cuts.halvings``). They are added up over all differences and
+    The bounds are to come down to ``limit``. The best question is the one whose answer is expected
+    to leave the fewest halvings of bounds (``cuts.halvings``), in total over all differences and
     cells. A cell counts more if more of its answers can still be wrong.
 
     Parameters

@@ -45,11 +45,11 @@ def closing_cut(
 ) -> Floats | None:
     """Return the cut (k,) whose answer brings the bounds on differences d (n, k) down most.
 
-    Upper bounds ``high`` (n,) on d.e, n > 0, are to come down to ``limit``. Each counts by the
-    number of times that it must still be halved. ``draws`` give the probability of each answer, and
-    the comparator's ``bounds_after`` the bounds after it. These must fall with answers, as a
-    polytope's do. The result is None if the best cut promises less than ``_TIMES`` as much as the
-    question ``instead`` (k,). No randomness.
+    Upper bounds ``high`` (n,) on d.e, n > 0, are to come down to ``limit``. A cut is scored by the
+    expected number of ``halvings`` of bounds that its answer saves. ``draws`` give the probability
+    of each answer, and the comparator's ``bounds_after`` the bounds after it. No answer may raise
+    them, and with a polytope none does. The result is None unless the best cut saves more than
+    ``_TIMES`` as much as the question ``instead`` (k,). No randomness.
     """
     order = np.argsort(-high, kind="stable")
     d, high = d[order], high[order]
@@ -74,11 +74,13 @@ def _chances(asked: Floats, draws: Draws) -> Floats:
 def closing_cut_of_one(
     panel: Panel, d: Floats, high: Floats, limit: float
 ) -> tuple[str, Floats] | None:
-    """Return a panel member's name, and the cut (k,) whose answer by that member closes most.
+    """Return a panel member's name, and the cut (k,) to ask that member about.
 
-    The member is the one with the largest sum, over all open differences d (n, k), of the weighted
-    distance from best guess to bound. ``high`` (n,), n > 0, are upper bounds on the mean d.e, which
-    are to come down to ``limit``. The result is None if no cut promises anything. No randomness.
+    Upper bounds ``high`` (n,), n > 0, on the mean d.e of differences d (n, k) are to come down to
+    ``limit``. The member is the one with the largest weighted distance from best guess to bound,
+    added up over the differences that are still above the limit. The cut is the one whose answer by
+    this member is expected to save the most ``halvings`` of bounds. The result is None if no cut
+    saves any, or if the member has no draws. No randomness.
     """
     open_rows = high > limit
     own = {name: simultaneous_bounds(one, d)[0] for name, one in panel.members.items()}

@@ -228,7 +228,7 @@ class Elicitation:
         return Decisions(verdict, tier)
 
     def asking_state(self) -> AskingState:
-        """Return what ``decide`` depends on beside the comparator, as arrays for compiled loops."""
+        """Return all that ``decide`` depends on, except the comparator, as plain arrays."""
         asks = self.signs is None
         return AskingState(
             indifference=self.indifference if asks else 0.0,
@@ -395,7 +395,10 @@ class Elicitation:
         return self._at_most(sys.maxsize) if rule_of(comparator).grows else 0
 
     def _at_most(self, room: int) -> int:
-        """Return ``room``, or less by the question budget; 0 if Python must see each answer."""
+        """Return ``room``, or the number of questions left in the budget if that is less.
+
+        The result is 0 if Python must see each answer.
+        """
         unfree = self._audit or self._unclear or self.pending or self.guesses or self.signs
         if unfree or self._several:
             return 0
@@ -427,12 +430,13 @@ class Elicitation:
         )
 
     def take_at_once(self, left: Floats, right: Floats, verdict: Verdict) -> bool:
-        """Learn an answer about vectors left and right (k,) without making a query; return success.
+        """Learn an answer about vectors left and right (k,) without a query; return success.
 
-        The effect is that of ``open`` and ``tell``, which make the query and answer that a person
-        or a log needs. The result is False, and nothing has changed, if the answer is "equal",
-        contradicts others, or may end a row of answers "equal". Then ``open`` and ``tell`` are
-        needed.
+        The effect is that of ``open`` and ``tell``, but no Query and no Answer are made: only a
+        person or a log needs them. If the result is False, nothing has changed, and ``open`` and
+        ``tell`` are needed. That is so if the answer is "equal" or contradicts others, if the last
+        answer to a pair that is certainly near was "equal", if queries are pending, if pairs are
+        decided by guesses, and if the comparator is of several people.
         """
         if verdict == Verdict.EQUAL or self._near_ties.in_a_row or self.pending or self.guesses:
             return False

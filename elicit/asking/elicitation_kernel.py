@@ -39,7 +39,7 @@ NO_FACT, COMPARATOR, PLACE, BOUNDS = range(4)  # which fact is needed to go on
 
 
 class AskingState(NamedTuple):
-    """Everything that an elicitation decides by beside the comparator, as plain arrays."""
+    """Everything except the comparator that an elicitation decides by, as plain arrays."""
 
     indifference: float
     audit: float  # share of the pairs decided by answers that the tutor is to confirm

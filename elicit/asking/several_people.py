@@ -46,8 +46,8 @@ def addressed(comparator: Comparator, pair: Pair, cannot: CannotTell) -> Pair:
     """Return a pair addressed to a person, whom the comparator chooses.
 
     The comparator may ask the person about a shifted pair, with some of the best level added to one
-    side and as much of the worst to the other. A pair that names a person already, or with a
-    comparator of one person, is returned as it is.
+    side and as much of the worst to the other. The pair is returned as it is if it names a person
+    already, or if the comparator is of one person.
     """
     people = people_of(comparator)
     if pair.who is not None or not people:

@@ -371,7 +371,10 @@ class Panel:
 
 
 class _Combination:
-    """An optional part of a panel: ``made`` makes it, if all members have the part ``of``."""
+    """An optional part that a panel has if all its members have the part ``of``.
+
+    The function ``made`` makes it from the panel.
+    """
 
     def __init__(self, of: str, made: Callable[[Panel], Any]) -> None:
         self.of, self.made = of, made

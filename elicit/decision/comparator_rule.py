@@ -106,8 +106,8 @@ def weighted(gaps: Floats, weights: Floats, level: float) -> Rule:
 def ensemble(gaps: Floats, left_out: int) -> Rule:
     """Return a rule that decides by the number of scales, given by ``gaps`` (p, m).
 
-    The verdict is BETTER if the last scale, a point estimate, says so, and all others but
-    ``left_out``.
+    The last scale is a point estimate. The verdict is BETTER if it says so, and if all others
+    except ``left_out`` of them do.
     """
     return nothing()._replace(kind=ENSEMBLE, scales=gaps, level=float(left_out))
 
@@ -121,7 +121,7 @@ def box(low: Floats, high: Floats) -> Rule:
 
 
 def rule_of(comparator: Comparator) -> Rule:
-    """Return the comparator's rule, or ``nothing()`` if it has none that ``compare`` follows."""
+    """Return the comparator's rule, or ``nothing()`` if its ``compare`` follows no rule."""
     return cast(Ruled, comparator).rule if compares_by_rule(type(comparator)) else nothing()
 
 

@@ -71,7 +71,7 @@ def all_by_rule(d: Any, rule: Rule, verdicts: Any, tiers: Any) -> int:
 
 @compiled
 def by_rule(d: Any, t: Any, shift: float, certificate: Any, rule: Rule) -> tuple[int, int, bool]:
-    """Return a rule's verdict on the sign of d.e + shift, its tier, and if there is a certificate.
+    """Return a rule's verdict on the sign of d.e + shift, its tier, and whether it is certified.
 
     The difference d (k,) has the tail sums t (p,), which are overwritten. The caller has tested
     dominance. The verdict may be LEFT_OPEN.
@@ -167,9 +167,10 @@ def both_signs(t: Any, gaps: Any) -> bool:
 def by_votes(
     t: Any, shift: float, certificate: Any, gaps: Any, weights: Any, level: float
 ) -> tuple[int, int, bool]:
-    """Return a verdict by the weight of the scales on either side, its tier, and if certified.
+    """Return a verdict by the scales' weights, its tier, and whether there is a certificate.
 
-    The scales have gaps (p, m) and weights (m,). For certificates see ``by_rule``.
+    It is on the sign of t.g + shift. The scales have gaps (p, m) and weights (m,). For certificates
+    see ``by_rule``.
     """
     at = np.empty(len(weights))
     verdict = by_weight(t, shift, gaps, weights, level, at)

@@ -86,8 +86,8 @@ def signed_weights(at: Any, weights: Any) -> tuple[float, float, float]:
 def spare_score(at: Any, side: int, weights: Any, level: float) -> float:
     """Return how far all scores may move towards 0 with the verdict unchanged; 0 if not at all.
 
-    After the move, scores at (m,) of sign ``side`` still have the weight ``level``. The number is
-    one of a few that are tried.
+    After the move, those scores in ``at`` (m,) that have the sign ``side`` still have at least the
+    weight ``level``. Only a few distances are tried, so there may be a longer one.
     """
     mean = 0.0
     for q in range(len(at)):

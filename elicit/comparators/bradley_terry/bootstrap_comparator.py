@@ -50,7 +50,7 @@ _LARGE = (
 
 
 class NotConverged(RuntimeWarning):
-    """Warning that some fits have no maximum, so that nothing may be decided by them.
+    """Warning that some fits have no maximum, so that the comparator may be unable to decide.
 
     With ``prior_strength=0`` there are two causes. Either some scale explains the answers without
     error, or no answer touches some levels.
@@ -388,7 +388,10 @@ class BradleyTerryComparator:
         return _FittedModel(np.concatenate([[0.0], theta / top]), top, region, converged)
 
     def _warn(self, n: int, lost: int, point: bool) -> None:
-        """Warn that resamples of n answers, or without ``point`` the answers, have no maximum."""
+        """Warn that ``lost`` of the resamples of n answers have no maximum.
+
+        If ``point`` is False, the fit to the answers themselves has none either.
+        """
         text = f"no maximum found for {lost} of {self.n_boot} resamples of {n} answers"
         text += "" if point else ", nor for the answers themselves"
         text += ": a prior_strength above 0 gives each fit one" if self.prior_strength == 0 else ""
@@ -468,9 +471,9 @@ def next_refit(n: int, growth: float) -> int:
 
 @lru_cache(maxsize=64)
 def _refits(growth: float, beyond: int) -> tuple[int, ...]:
-    """Return the numbers of answers at which fits are made, as far as ``beyond``.
+    """Return the numbers of answers at which fits are made, up to the first above ``beyond``.
 
-    The first is the one from which on steps may exceed 1.
+    The list begins at about 1 / growth. Up to there a fit is made at every answer.
     """
     points = [max(1, int(1 / growth))]
     while points[-1] <= beyond:

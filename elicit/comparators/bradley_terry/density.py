@@ -324,8 +324,8 @@ def log_term(eta: float, tied: bool, lapse: float, width: float) -> float:
 
     Without a width it is log(lapse/2 + (1 - lapse) sigma(eta)). For a tie (``tied``) it is the mean
     of that and of the opposite answer's. With a width > 0 it is log((1 - EQUAL_LAPSES) lapse/2 + (1
-    - lapse) sigma(eta - width)). For a tie it is the log of what this probability and the opposite
-    answer's leave of 1.
+    - lapse) sigma(eta - width)). For a tie it is log(1 - p - q), where p is the probability of this
+    answer and q that of the opposite one.
     """
     if width > 0.0:
         eta, top = width - abs(eta) if tied else eta - width, 0.0

@@ -89,7 +89,7 @@ class EarlierPeople(NamedTuple):
 
     @property
     def newcomer(self) -> float:
-        """The weight of the general prior: for a next person who is unlike the earlier ones."""
+        """The weight of the general prior, which stands for people unlike the earlier ones."""
         return NEWCOMERS / (NEWCOMERS + self.people)
 
     def rows(self, learns_lapse: bool) -> Floats:
@@ -206,7 +206,10 @@ def _maximised(
 
 
 def _log_density(kind: Kind, at: OwnParticles, learns_lapse: bool) -> Floats:
-    """Return the log density (n,) of a kind, in the logs of gaps, log c, and the lapse's logit."""
+    """Return the log density (n,) of a kind at particles.
+
+    It is the density of the logs of the gaps, of log c, and of the logit of the lapse.
+    """
     found = _constant(kind, learns_lapse) + at.log_gaps @ np.array(kind.shapes)
     found -= 0.5 * ((at.log_c - kind.log_precision) / kind.log_precision_sd) ** 2
     if learns_lapse:
@@ -273,13 +276,14 @@ def _short(number: float) -> float:
 def drawn(
     earlier: EarlierPeople, rng: np.random.Generator, m: int
 ) -> tuple[Floats, list[tuple[Floats, Floats, Floats]]]:
-    """Draw m people: return the kind of each, -1 for none, and for each kind its people's numbers.
+    """Draw m people: the kind of each, and for each kind the parameters of its people.
 
     Returns
     -------
     kinds : (m,)
+        The number of each person's kind; -1 for a person who is unlike the earlier ones.
     draws : list of (log_gaps (q, p), log_c (q,), lapse (q,))
-        An entry for each kind, with as many rows as people were drawn from the kind.
+        An entry for each kind, with a row for each of the q people drawn from it.
     """
     bounds = earlier.newcomer + (1.0 - earlier.newcomer) * np.cumsum(
         [0.0, *(kind.share for kind in earlier.kinds)]

@@ -344,10 +344,10 @@ def bootstrap_weights(key: int, m: int, n: int) -> Floats:
 def prior_centres(key: int, m: int, p: int, shape: tuple[float, float] = (1.0, 1.0)) -> Floats:
     """Return the centre of each resample's prior: m draws (m, p) of gaps that total 1.
 
-    Each draw is from Dirichlet(a), with an a of its own: log a is uniform between the logs of the
-    two numbers of ``shape``. With a = 1 the draw is uniform on the simplex, and a small a makes a
-    few large gaps. The answers have no part in it, so when answers are added, each resample has the
-    same centre as before.
+    Each draw is from Dirichlet(a), and a is drawn anew each time: log a is uniform between the logs
+    of the two numbers of ``shape``. With a = 1 the draw is uniform on the simplex, and a small a
+    makes a few large gaps. The answers have no part in it, so when answers are added, each resample
+    has the same centre as before.
 
     Parameters
     ----------

@@ -612,10 +612,10 @@ class PosteriorComparator:
         """Approximate number of independent draws of the posterior that the particles are worth.
 
         Two things lower it: unequal weights, by Kong's (1992) formula, and copies made by
-        resampling. Copies count by how much the moves after it have left unchanged: the greatest
-        squared correlation, before and after, of a level's value or of log c. Measured by how much
-        probabilities vary with the seed, the true number is between a third of this estimate and
-        three times as much.
+        resampling. The moves after a resampling make the copies differ again. What is left of its
+        effect is the greatest squared correlation, between before and after the moves, of a level's
+        value or of log c. The true number was measured by how much probabilities vary with the
+        seed: it is between a third of this estimate and three times as much.
         """
         return 1.0 / float(self._noise[0] + 1.0 / effective_size(self._logs) - 1.0 / self.particles)
 

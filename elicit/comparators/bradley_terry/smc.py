@@ -44,7 +44,8 @@ class ParticleArrays(NamedTuple):
         Their log weights.
     noise : (1,)
         The variance of a mean over equally weighted particles, in units of the posterior's
-        variance. Resampling adds to it. Moves reduce it, by as much as they make a particle forget.
+        variance. Resampling increases it. Moves reduce it, and more so the less a particle's new
+        place depends on its old one.
     rows : (p, >= n)
         The answers.
     tied : (>= n,)

@@ -38,8 +38,8 @@ _OVERLAP = 1e-12
 class PolytopeCell(NamedTuple):
     """One cell: the scales that fit the answers if those in ``wrong`` are wrong.
 
-    ``scales`` is a comparator that has learned the answers that split the cell, the wrong ones
-    flipped. ``wrong`` holds the rows of the wrong answers.
+    ``scales`` is a comparator that has learned the answers with the wrong ones flipped, except
+    answers that followed from earlier ones. ``wrong`` holds the rows of the wrong answers.
     """
 
     scales: PolytopeComparator
@@ -187,8 +187,9 @@ def too_many_wrong(
 def _explained(
     blank: PolytopeComparator, loose: PolytopeComparator, answers: Answers, most: int
 ) -> tuple[str, tuple[tuple[int, str], ...], bool]:
-    """Return a sentence, a minimal set of answers of which too many are wrong, and a flag.
+    """Return the parts of the error: a sentence, (row, id) of some answers, and a flag.
 
+    More than ``most`` of these answers are wrong. Without any one of them, that would not follow.
     The flag says whether a margin of 0 would allow the answers.
     """
 
@@ -229,8 +230,8 @@ def _told(scales: PolytopeComparator, one: Answers) -> PolytopeComparator | None
 def _unequal(one: Answers, tie: float) -> Iterator[Answers]:
     """Yield two answers, one of which holds if "equal" is wrong: d.e >= tie, and -d.e >= tie.
 
-    d.e >= tie is the answer that left is better after the share ``tie`` of the best level is taken
-    from it.
+    Each is written as an answer that left is better, after the share ``tie`` of the best level was
+    subtracted from left.
     """
     shift = max(0.0, tie - _OVERLAP * max(tie, float(np.abs(one.d[:, 1:]).max(initial=0.0))))
     for sign in (1, -1):

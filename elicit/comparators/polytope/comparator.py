@@ -192,9 +192,9 @@ class PolytopeComparator:
         ------
         InconsistentAnswers
             If no scale is left. It names a minimal contradictory set of rows of the old and new
-            answers: if any one of them is dropped, at most ``wrong`` of the others must be wrong.
-            Opposite answers to the same pair always contradict each other: they do not mean that it
-            is equal.
+            answers: without any one of them, no more than ``wrong`` of the others would have to be
+            wrong. Opposite answers to the same pair always contradict each other: they do not mean
+            that it is equal.
         """
         new = self._with_answers(answers)
         if self._cells is not None:
@@ -334,7 +334,7 @@ class PolytopeComparator:
         -------
         (c, 2, n) in units of e_k - e_1
             The first of the two is for the answer "worse", and the second for "better". -inf if the
-            answer contradicts earlier ones, inf if floats find nothing.
+            answer contradicts earlier ones, inf if floats find no bound.
         """
         rows, questions = as_differences(d, self.k), as_differences(asked, self.k)
         limits = np.broadcast_to(np.asarray(enough, dtype=np.float64), len(rows))

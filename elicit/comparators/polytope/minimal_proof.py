@@ -47,7 +47,7 @@ _MOST_SINGLES = 3  # number of single answers to try in rationals before a set o
 class Polytope(Comparator, Protocol):
     """The parts of ``PolytopeComparator`` that an explanation uses.
 
-    This protocol stands in for that class, whose module imports this one.
+    It is used in place of that class, because the class's module imports this one.
     """
 
     margin: float
@@ -157,9 +157,9 @@ def _needed(goals: list[Floats], region: Region, comparator: Polytope) -> list[i
 def _single(goals: list[Floats], region: Region) -> list[int]:
     """Return numbers of answers each of which may prove t.g >= 0 alone, for a single goal t.
 
-    An answer w.g >= 0 proves it if t >= lambda w for some lambda >= 0. Tried is the least lambda
-    for which this holds at the negative entries of t. Answers that need the fewest steps of the
-    order come first. Floats only propose: the caller proves it.
+    An answer w.g >= 0 proves it if t >= lambda w for some lambda >= 0. Only the least lambda is
+    tried for which this holds at the negative entries of t. Answers that need the fewest steps of
+    the order come first. The search is in floats, so the caller must prove that an answer suffices.
     """
     if len(goals) > 1:
         return []
@@ -220,9 +220,9 @@ def _proof(sign: int, d: Floats, t: Floats, part: Region, comparator: Polytope) 
 
 
 def _tails(d: Floats) -> Numbers:
-    """Return the tail sums of d (k,), as floats give them, as exact rationals.
+    """Return the tail sums of d (k,), computed in floats, as exact rationals.
 
-    All comparisons are about these numbers.
+    Comparisons and explanations are about these numbers.
     """
     return _exact(tail_sums(d))
 

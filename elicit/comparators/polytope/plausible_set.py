@@ -197,18 +197,19 @@ class PlausibleSet:
         return high
 
     def greatest_beside(self, d: Floats, asked: Floats, enough: Floats) -> Floats:
-        """Return roughly the greatest d.e (c, 2, n) over the two parts that each question makes.
+        """Return roughly the greatest d.e (c, 2, n) after each answer to each question.
 
-        The questions are ``asked`` (c, k), and a part is where an answer holds. A maximum up to
-        ``enough`` (n,) need not be exact.
+        The maximum is over the part of the set that the answer leaves. The questions are ``asked``
+        (c, k). Of the two answers, "worse" comes first. A maximum up to ``enough`` (n,) need not be
+        exact.
         """
         return greatest_beside(d, asked, self._known, enough)
 
     def _loose(self, d: Floats, high: Floats, reached: Floats) -> NDArray[np.int64]:
-        """Return rows of d whose positive upper bounds (n,) may not be tight.
+        """Return the rows of d whose upper bounds ``high`` (n,) are positive and perhaps loose.
 
-        A bound is tight if d.e is near it at a known point of the set, or was at the point where a
-        walk ended: ``reached`` (n,).
+        A bound is tight if d.e is near it at a known point of the set, or at the point where a walk
+        ended. At the latter it is ``reached`` (n,).
         """
         near = 1e-9 * np.abs(d).sum(axis=1)
         rows = np.flatnonzero((high > 0) & ~(high - reached <= near))
@@ -241,7 +242,10 @@ class PlausibleSet:
         return object.__new__(PlausibleSet)._filled(region, known, self._last)
 
     def _filled(self, region: Region, known: Known, last: _Bounded | None) -> PlausibleSet:
-        """Fill in this new set: its region, facts known about it, and bounds over a larger set."""
+        """Set this new set's region, the facts known about it, and the last bounds; return the set.
+
+        The bounds were found over a larger set. They still hold, but may no longer be tight.
+        """
         self.region, self._known = region, known
         if last is not None:  # its bounds hold, but are no longer tight
             self._last = last._replace(enough=np.full(len(last.d), np.inf))

@@ -202,8 +202,8 @@ class RelaxedPolytopeComparator:
     def values(self) -> Floats:
         """The analytic centre (k,) of the plausible set, from 0 to 1; read-only.
 
-        If B > 0, it is the centre of a larger set: scales together with a violation allowed for
-        each answer, B in total.
+        If scales may violate the answers, it is the centre of a larger set. A point of that set is
+        a scale together with the violation allowed for each answer.
         """
         return self._set.values
 
@@ -304,7 +304,8 @@ class _Sublevel:
     """The set {f <= budget} of scales whose total violation f of the answers is within a budget.
 
     The object keeps points inside this set, and a PlausibleSet that contains it, to which cuts are
-    added as needed. It is given a middle of all ordered scales, and the best fit (f < budget).
+    added as needed. It begins with two points: ``middle``, in the middle of all ordered scales, and
+    ``fit``, the best fit (f < budget).
     """
 
     def __init__(
@@ -470,10 +471,10 @@ def _unit_tails(d: Floats) -> Floats:
 
 
 def _centre(level: _Sublevel) -> Floats:
-    """Return the gaps (p,) at the analytic centre of scales together with violations.
+    """Return the gaps (p,) at the analytic centre of a set of scales and violations.
 
-    The set has points (g, s): g satisfies the order and the prior, each s_i >= 0 is at least the
-    violation of answer i by g, and sum s <= budget.
+    A point of the set has gaps g and violations s. The gaps satisfy the order and the prior. Each
+    s_i >= 0 is at least the violation of answer i by g, and sum s <= budget.
     """
     hinges, (rows, limits) = level.hinges, level.order.region.constraints
     m, p = hinges.rows.shape

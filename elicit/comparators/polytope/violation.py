@@ -59,10 +59,10 @@ class Hinges(NamedTuple):
         return float(each.sum() * (1.0 + 2.0**-50 * len(each)))
 
     def cut(self, weights: Floats, budget: float) -> tuple[Floats, float]:
-        """Return a cut row.g >= limit that holds wherever f <= budget, from some of the terms.
+        """Return a cut row.g >= limit, made of some of the terms, that holds wherever f <= budget.
 
-        The terms have the given weights (m,), from 0 to their own. The limit is rounded so that the
-        cut holds.
+        ``weights`` (m,) are the terms' weights in the cut: each is from 0 to the term's own weight.
+        The limit is rounded so that the cut holds.
         """
         row, limit = weights @ self.rows, float(weights @ self.rhs) - budget
         size = float((weights @ np.abs(self.rows)).max() + weights @ np.abs(self.rhs)) + budget
@@ -75,9 +75,9 @@ class Hinges(NamedTuple):
 
 
 class HingeSolution(NamedTuple):
-    """HiGHS's solution: g (p,), multipliers y (m,) >= 0 of the rows, and that of the budget.
+    """HiGHS's solution: a point g (p,), and the multipliers of the rows and of the budget.
 
-    The budget's multiplier is ``price``.
+    ``y`` (m,) >= 0 are the multipliers of the rows, and ``price`` is that of the budget.
     """
 
     g: Floats
