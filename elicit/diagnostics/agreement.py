@@ -296,7 +296,7 @@ def _dividing(
 ) -> tuple[DividingQuestion, ...]:
     """Return the questions on which two people drawn at random differ with most probability.
 
-    Each is about another level for sure, so that the questions are not nearly the same.
+    No two of them offer the same level for sure, so that they are not nearly the same.
     """
     n = len(people)
     if n < 2:

@@ -184,9 +184,10 @@ def cycles(graph: nx.DiGraph) -> list[Cycle]:
     """Return minimal circular chains of answers and of dominance.
 
     A circle has at least one answer and at least one step that is not "equal". It is minimal if no
-    part of its answers makes a circle. For each such step on some circle, the result has the circle
-    through it with the fewest answers, then the fewest steps, or a smaller circle that is part of
-    that one.
+    part of its answers makes a circle. For each step on some circle that is not "equal", the
+    function looks for the circle through it with the fewest answers, and of those the one with the
+    fewest steps. If a part of its answers makes a circle too, the result has that circle in its
+    place.
 
     An empty list means that, by transitivity alone, the answers contradict neither each other nor
     the order of the levels. Otherwise a comparator for reliable tutors takes all vectors on a cycle
@@ -288,7 +289,10 @@ def _shortest_paths(graph: nx.DiGraph, start: int) -> dict[int, list[int]]:
 
 
 def _said(graph: nx.DiGraph, nodes: _Nodes) -> frozenset[_Said]:
-    """Return the answers that are needed for a circle through these nodes."""
+    """Return the steps of a circle through these nodes that need answers.
+
+    Each is given by its two nodes and its kind.
+    """
     steps = _steps(graph, (*nodes, nodes[0]))
     return frozenset(
         (min(s[:2]), max(s[:2]), s.kind) if s.kind == "equal" else (s.better, s.worse, s.kind)

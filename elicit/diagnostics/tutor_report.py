@@ -297,7 +297,7 @@ class _Record(NamedTuple):
 
 
 def read_log(log: EarlierAnswers, k: int | None) -> _Record:
-    """Return the answers about k levels that stand in a log, and the numbers of its other answers.
+    """Return a log's answers about k levels that were not taken back, and counts of the others.
 
     Parameters
     ----------

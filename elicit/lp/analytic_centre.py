@@ -24,9 +24,9 @@ Flags = NDArray[np.bool_]
 
 
 class _Shape(NamedTuple):
-    """All constraints of a region, rows (m, p) and limits (m,), in an order fixed by their set.
+    """All constraints of a region, rows (m, p) and limits (m,), sorted.
 
-    So the order of the answers makes no difference.
+    So nothing that is computed from them depends on the order of the answers.
     """
 
     rows: Floats
@@ -37,7 +37,7 @@ class _Shape(NamedTuple):
 class _Hull(NamedTuple):
     """The affine hull {g : equal g = to, sum g = 1} of a region with no interior.
 
-    ``flat`` marks the rows that hold with equality on all of it.
+    ``flat`` flags the constraints that hold with equality in the whole region.
     """
 
     flat: Flags
@@ -70,10 +70,10 @@ def _canonical(region: Region) -> _Shape:
 
 
 def _opposites(shape: _Shape) -> _Hull:
-    """Return the affine hull of a region that pairs of opposite rows make flat.
+    """Return the affine hull of a region, as far as pairs of opposite rows show it.
 
-    Such a pair leaves (nearly) no room between its two limits. It comes from an answer "equal", or
-    from opposite answers.
+    Two opposite rows make the region flat if their limits leave (nearly) no room between them. Such
+    a pair comes from an answer "equal", or from opposite answers.
     """
     tightest: dict[bytes, float] = {}
     keys = [(row + 0.0).tobytes() for row in shape.rows]
@@ -90,7 +90,11 @@ def _opposites(shape: _Shape) -> _Hull:
 
 
 def _inside(g: Floats, shape: _Shape, flat: Flags) -> bool:
-    """Return whether g satisfies every constraint; those of the hull may miss by _FLAT."""
+    """Return whether g satisfies every constraint.
+
+    Constraints flagged in ``flat`` hold with equality, and may be violated by ``_FLAT`` times their
+    largest entry.
+    """
     slack = (product(shape.rows, g) - shape.limits) / shape.size
     return bool((slack[~flat] > 0).all() and (slack[flat] > -_FLAT).all())
 
@@ -123,8 +127,8 @@ def _relative_interior(shape: _Shape, region: Region) -> tuple[Floats, _Hull]:
     """Return a point in the relative interior of a flat region, and the region's affine hull.
 
     At the point every constraint has slack, unless it holds with equality in the whole region. The
-    point is a mean of exact vertices. As long as some constraint has no slack at the mean, a vertex
-    at which it has most is added.
+    point is a mean of exact vertices. For each constraint without slack at the mean, the vertex
+    where it has the greatest slack is added, if that slack is above 0.
     """
     m = len(shape.rows)
     vertices: list[Numbers] = [minimise_exactly(-shape.rows[0], region).g]
@@ -145,9 +149,9 @@ def _relative_interior(shape: _Shape, region: Region) -> tuple[Floats, _Hull]:
 
 
 def _newton(g: Floats, shape: _Shape, hull: _Hull) -> Floats:
-    """Return the analytic centre within the affine hull, by Newton steps from a point g of it.
+    """Return the analytic centre of a region within its affine hull.
 
-    g must have slack in all rows that are not flat.
+    Newton steps lead to it from g, a point of the hull with slack in all rows that are not flat.
     """
     p = len(g)
     along = (

@@ -132,6 +132,9 @@ class Programs:
         return certified_bound(t, found.y, self.region), point
 
     def _vertex(self, t: Floats) -> Solved:
-        """Return the optimum by the simplex method in floats, if Clarabel's 1e-10 is too coarse."""
+        """Return the optimum that the simplex method finds in floats.
+
+        It is used where Clarabel's accuracy of 1e-10 is too coarse.
+        """
         vertex = minimise(t, self.region)
         return Solved(vertex.g, np.maximum(vertex.y, 0.0))

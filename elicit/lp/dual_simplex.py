@@ -177,7 +177,7 @@ class _IntegerVertex:
         return vertex
 
     def row(self, c: int) -> tuple[Numbers, int, int]:
-        """Return constraint c in integers: coefficients (p,), limit, and the factor they share."""
+        """Return constraint c in integers: coefficients (p,), limit, and their common factor."""
         if c not in self._rows:
             whole, unit = _integers(
                 [*self._constraints[c], self._limits[c] if c >= self.region.p else 0.0]

@@ -160,7 +160,7 @@ def redundant(known: Known) -> Any:
 
 @compiled
 def keep(s: Any, g: Any, slack: Any, inverse: Any, active: Any, age: int, known: Known) -> bool:
-    """Store a vertex, and a point beside it that is certainly in K_t.
+    """Store a vertex, and a point near it that is certainly in K_t.
 
     Return whether that point was found, and s.g < 0 there.
     """

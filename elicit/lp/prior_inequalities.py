@@ -136,8 +136,8 @@ def inequalities(
     k : int, optional
         The number of levels. It may be left out if ``labels`` is given.
     labels : (k,) str, optional
-        The levels' names, worst first. The text may use them, beside e1 to ek. Write "very_ill" for
-        "very ill".
+        The levels' names, worst first. The text may use them, as well as e1 to ek. Write "very_ill"
+        for "very ill".
     name : str, optional
         A name for people. Default: the text. Several inequalities add their text to the name.
 

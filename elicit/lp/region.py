@@ -42,8 +42,8 @@ class Region:
     def exact_margin(self) -> Fraction:
         """The margin as a rational.
 
-        It is the float's own value, except that the float nearest to 1/p stands for 1/p itself.
-        Otherwise nobody could ask for equal gaps.
+        It is the exact value of the float, but the float nearest to 1/p means 1/p. Otherwise it
+        would be impossible to ask for equal gaps.
         """
         return Fraction(1, self.p) if self.margin == 1.0 / self.p else Fraction(self.margin)
 

@@ -301,10 +301,10 @@ def lifts(t: Any, side: int, row: int, rows: Any, lifted: Any) -> bool:
 
 @compiled
 def below_by_row(t: Any, side: int, row: int, rows: Any, lifted: Any, certificate: Any) -> bool:
-    """Write a certificate from a row w that decided t: a multiple of w.
+    """Write a certificate for t: a multiple of the row w that decided it.
 
-    Of the multiples that lie below side * t it is the middle one. Return whether it does, rounding
-    included.
+    Of all multiples of w that lie below side * t, entry by entry, the middle one is taken. Return
+    whether it lies below side * t in spite of rounding.
     """
     least, most = 0.0, math.inf
     for j in range(len(t)):
@@ -332,7 +332,7 @@ def below_by_vertex(
     """Write a certificate from the multipliers y (p,) of a vertex that decided t.
 
     Side * t is a combination of rows, with these multipliers, plus ``rest`` (p,). The certificate
-    is the combination, plus just enough to exceed every rounding. Return whether there is a
+    is the combination of rows, plus a margin above all rounding errors. Return whether there is a
     certificate.
     """
     p = len(t)

@@ -210,11 +210,11 @@ def know_rows(known: Known, rows: Any, limits: Any) -> None:
 
 @compiled
 def know_row(known: Known, place: int, row: Any, limit: float) -> None:
-    """Store a row w (p,) with w.g >= 0 on K_t in a place, with the bit mask of its signs.
+    """Store a row w (p,) with w.g >= 0 on K_t in a place, and a bit mask of its entries >= 0.
 
-    w follows from row.g >= limit and sum g = 1, and is rounded up if needed. A second version,
-    ``lifted``, is slightly larger in size at every entry: for it t >= lambda * lifted, computed in
-    floats, implies t >= lambda w.
+    w is the row minus the limit, rounded up: since sum g = 1, w.g >= 0 follows from row.g >= limit.
+    A second version, ``lifted``, has entries that are slightly larger in absolute value. If t >=
+    lambda * lifted holds in floats, then t >= lambda w holds exactly.
     """
     mask, tiny = np.uint64(0), False
     for j in range(len(row)):
@@ -301,12 +301,15 @@ def has_basis(known: Known) -> bool:
 
 @compiled
 def has_grown(known: Known) -> bool:
-    """Return whether K_t has so many rows more than last time that redundant ones are to go."""
+    """Return whether K_t has so many new rows that redundant ones are to be removed again."""
     return len(known.limits) > int(known.counts[PRUNED] * 1.3 + 2)
 
 
 def prune(known: Known, region: Region) -> tuple[Known, Region]:
-    """Return the facts about the same set, and the set itself, ``without_redundant`` rows."""
+    """Remove redundant rows. Return the facts about the same set, and its region with fewer rows.
+
+    If no vertex to start walks from is left, a new one is looked for.
+    """
     known = without_redundant(known)
     region = rows_left(region, known)
     _find_some_vertex(known, region)
@@ -327,8 +330,9 @@ def rows_left(region: Region, known: Known) -> Region:
 def without_redundant(known: Known) -> Known:
     """Return the facts about the same set, without the rows that follow from the others.
 
-    These rows are still used in proofs, since they hold on K_t. Vertices that depend on them lose
-    their basis: they are changed in ``known``, whose other facts are not to be used any more.
+    The removed rows still serve in proofs, since they hold on K_t. Vertices that depend on them
+    lose their basis. The arrays of vertices are shared with ``known`` and changed, so ``known``
+    must not be used afterwards.
     """
     (p, m), r, out = known.cuts.shape, len(known.masks), redundant(known)
     n, place = 0, np.empty(m, np.int64)  # the number of rows that stay, and their new places

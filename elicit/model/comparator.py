@@ -180,8 +180,8 @@ def learn(
 ) -> tuple[Comparator, NDArray[np.bool_]]:
     """Return the comparator after these answers, and flags (n,) of those that it learned.
 
-    If they contradict each other, InconsistentAnswers is raised. With ``one_by_one``, each answer
-    that contradicts the ones before is left out instead.
+    If they contradict each other, InconsistentAnswers is raised. With ``one_by_one`` no error is
+    raised, and each answer that contradicts the ones before it is left out.
     """
     taken = np.ones(len(answers), dtype=np.bool_)
     try:

@@ -623,9 +623,10 @@ def people_of(comparator: object) -> tuple[str, ...]:
 
 
 def whom_of(comparator: Comparator, d: Floats, besides: Sequence[str] = ()) -> PersonAsked | None:
-    """Return the person a comparator of several people would ask about d (k,), and what about.
+    """Return the person to ask about d (k,), and the difference to ask them about.
 
-    Raises TypeError if the person is none of its people.
+    A comparator of several people chooses both. Raises TypeError if the person is none of its
+    people.
     """
     asked = cast(ChoosesWhom, comparator).whom(d, besides)
     if asked is not None and asked.who not in people_of(comparator):

@@ -119,9 +119,9 @@ def near_to(t: Any) -> float:
 
 @compiled
 def marks_within(near: float, p: int) -> float:
-    """Return how far the keys of two tail sums (p,) may differ.
+    """Return how far the keys of two tail sums (p,) of the same pair may differ.
 
-    No entry of the two may differ by more than ``near``.
+    Two tail sums are of the same pair if no entry of them differs by more than ``near``.
     """
     total = 0.0
     for j in range(p):

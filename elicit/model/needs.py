@@ -18,7 +18,7 @@ _PARTS = {part.member: part for part in OPTIONAL_PARTS}
 
 @dataclass(frozen=True)
 class Needs:
-    """The parts of a comparator, beyond the five of all, that a consumer requires or uses.
+    """The optional parts of a comparator that a consumer requires or uses.
 
     A consumer is a learner or a strategy, and declares them as its attribute ``needs``. ``a | b``
     joins two declarations.

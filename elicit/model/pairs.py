@@ -69,9 +69,10 @@ def marks_of(t: Floats) -> Floats:
 
 
 def whole_numbers(x: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return vectors x (..., p) in units of 2^-30, and exponents (...).
+    """Return vectors x (..., p) as whole multiples of 2^-30, and the exponents (...) used.
 
-    If a vector is large, it is divided by 2 to the power of its exponent first.
+    A large vector is first divided by 2 to the power of its exponent. For other vectors the
+    exponent is 0.
     """
     size = np.abs(x).max(axis=-1, initial=0.0) * OFFSET
     exponent = np.maximum(0, np.frexp(size)[1].astype(np.int64))

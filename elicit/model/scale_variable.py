@@ -165,8 +165,8 @@ def _coefficients(
     """Return the coefficients (m, k) and constants (m,) of an affine expression of m entries.
 
     They are found by evaluating a copy of the expression, so that the caller's variable keeps its
-    value. A coefficient comes from two opposite points, so far from 0 that constants vanish beside
-    the product.
+    value. A coefficient is the slope between two opposite points. They are so far from 0 that the
+    constants are lost in rounding.
     """
     import cvxpy
 

@@ -71,8 +71,8 @@ lambda known: qlearn.InteractiveValueIteration(mdp, comparator, known=known)."""
 class AfterAnswer(NamedTuple):
     """An asker that was told an answer.
 
-    If the answer contradicts others it was dropped, and ``contradicts`` has the ids of the answers
-    that contradict each other, including this one. Otherwise it is None.
+    ``contradicts`` is None if the answer fits the others. Otherwise the asker has dropped it, and
+    ``contradicts`` has the ids of the answers that contradict each other, including this one.
     """
 
     asker: Asker
@@ -82,7 +82,8 @@ class AfterAnswer(NamedTuple):
 class Supposed(NamedTuple):
     """An asker that knows other answers than those in the log, to see what they would change.
 
-    Of the answers that stand in the log with a verdict, ``of`` in number, it would use ``used``.
+    ``used`` is the number of answers that this asker uses. ``of`` is the number of answers in the
+    log that have a verdict and were not taken back.
     """
 
     asker: Asker
@@ -112,5 +113,5 @@ def tell(asker: Asker, answer: Answer) -> list[str] | None:
 
 
 def counts(entry: Entry) -> bool:
-    """Return whether an answer stands, and is used unless it contradicts others."""
+    """Return whether an answer stands, and is unused only if it contradicts others."""
     return entry.stands and (entry.used or CONTRADICTS in entry.metadata)

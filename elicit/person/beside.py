@@ -111,9 +111,10 @@ class LookAhead:
 
 @dataclass(frozen=True, eq=False)
 class _Computed:
-    """Results of the computations beside a question, whose id is ``shown``.
+    """Results of the computations for a question on the screen, whose id is ``shown``.
 
-    There are none if the asker cannot be copied.
+    ``ahead`` and ``outlook`` are None if they cannot be computed, for example because the asker
+    cannot be copied.
     """
 
     shown: str
@@ -142,8 +143,8 @@ class Company(Closing):
         """Have an interview's forecasts computed in a thread, and return the object that gets them.
 
         Before the first answer, forecasts for the same numbers of questions are the same for all
-        people. So with ``several`` interviews those of the first one are shared by the others, if
-        they are for the same numbers of questions.
+        people. So with ``several`` interviews the first one's forecasts are shared by all that plan
+        with the same numbers of questions.
 
         Parameters
         ----------
@@ -172,9 +173,9 @@ class Company(Closing):
 
 
 class Beside(Closing):
-    """Computes in a thread, beside the screens of an interview.
+    """Computes in a thread while the person reads the screens of an interview.
 
-    Messages that read the results do not wait for another message that is being answered.
+    The results can be read without waiting for a message that is being answered.
 
     Parameters
     ----------
@@ -307,7 +308,7 @@ class Beside(Closing):
         no_others: bool = False,
         near: Callable[[Any], bool] | None = None,
     ) -> None:
-        """Start the computations beside a question, which is on the screen now.
+        """Start the computations for the question that is now on the screen.
 
         Parameters
         ----------
@@ -317,10 +318,10 @@ class Beside(Closing):
         needed : (2,) int
             Numbers of answers, and of checks, that must still come after this one.
         no_others : bool
-            True if no others come.
+            True if no questions but the needed ones come after this one.
         near : callable, optional
-            Takes a result, and returns whether little could be lost by stopping. None: that need
-            not be known.
+            Takes a result, and returns whether little could be lost by stopping. None: this is not
+            computed.
         """
         self._conduct, self._needed, self._no_others = conduct, needed, no_others
         session, subject, now = self._session, self._subject, self._beside
@@ -364,7 +365,10 @@ class Beside(Closing):
         return self._near if outlook is None else outlook.near
 
     def _note(self, now: _Computed | None) -> None:
-        """Note what was known at a question, and the loss that its notes stated to the person."""
+        """Keep two results of the last question before its other results are replaced.
+
+        They are whether little could be lost by stopping there, and the loss that its notes stated.
+        """
         outlook = None if now is None else now.outlook
         if now is None or outlook is None:
             return
@@ -375,7 +379,7 @@ class Beside(Closing):
             self._stated = Stated(outlook.loss)
 
     def told_ahead(self, asker: Asker, answer: Answer) -> AfterAnswer | None:
-        """Return the asker after an answer if it was computed, and stop other computations."""
+        """Return the asker after an answer if it was made ahead, and stop other computations."""
         ahead = None if self._beside is None else self._beside.ahead
         found = None if ahead is None else ahead.told(asker, answer)
         self._background.stop()
@@ -406,7 +410,7 @@ class Beside(Closing):
         self._background.stop()
 
     def outlook(self, id: str) -> dict[str, Any]:
-        """Return the notes beside a question, as far as they are known."""
+        """Return the notes shown with a question, as far as they are known."""
         now = self._beside
         outlook = now.outlook if now is not None and now.shown == id else None
         if outlook is None:
@@ -435,7 +439,7 @@ class Beside(Closing):
         }
 
     def _with_checks(self, number: int) -> int:
-        """Return the number of questions to come, with checks, if so many are no checks."""
+        """Return the number of questions to come: this number, and the checks that come with it."""
         checks = self._needed[1]
         if self._subject.least and self._session.audits:
             checks = self._conduct.checks_beside(number + 1, checks)
@@ -444,9 +448,10 @@ class Beside(Closing):
     def _to_come(self, played: tuple[int, int] | None) -> list[int] | None:
         """Return the range of questions to come that is shown, or None if nothing is known.
 
-        ``played`` are the lengths of sessions simulated from here on. Without them the range comes
-        from the forecast on the welcome screen. A person who asked for more questions gets them
-        until all levels are known, or until the result is sure enough, which mostly takes fewer.
+        ``played`` are the least and the greatest number of questions in sessions simulated from
+        here on. Without them the range comes from the forecast on the welcome screen. If the person
+        asked for more questions, it comes from the questions about levels that are likely still to
+        come. If the result is not sure enough yet, some of these are added to its upper end.
         """
         put, least = self._conduct.put, sum(self._needed)
         if self._no_others:

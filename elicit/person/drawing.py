@@ -176,10 +176,11 @@ class Drawing:
         }
 
     def left_by(self, levels: Sequence[int], after: Supposed) -> str:
-        """Return a sentence on the result of a choice in a conflict: some levels, and answers kept.
+        """Return sentences on the result of a choice in a conflict.
 
-        The possible loss of the result is not in it: people took the choice with the least loss,
-        and not the one they meant.
+        They give the range of each of these levels' values, and the number of answers left out. The
+        possible loss is not among them: people took the choice with the least loss, and not the one
+        they meant.
         """
         n = after.of - after.used
         kept = f"It leaves {in_answers(n)} out." if n > 0 else ""

@@ -26,7 +26,7 @@ _ORDER_AFTER = 4  # answers before the question about the order of two levels
 
 
 class NextQuestion:
-    """Chooses the questions that a session puts beside those of its asker.
+    """Chooses a session's questions that are not those of its asker.
 
     Parameters
     ----------
@@ -101,10 +101,10 @@ class NextQuestion:
         return self._subject.nearly(self._session.result(), start.loss)
 
     def nearness(self, conduct: Conduct) -> Callable[[Any], bool] | None:
-        """Return a function of a result, which says whether little could be lost by stopping.
+        """Return a function that takes a result and says whether little could be lost by stopping.
 
-        It may be called in another thread. It is None where the next answer leads to no offer to
-        stop for that reason.
+        It may be called in another thread. None is returned if the person would not be offered to
+        stop for this reason after the next answer.
 
         Parameters
         ----------
@@ -132,7 +132,7 @@ class NextQuestion:
         return over and (enough is None or enough(self._session.result()))
 
     def _replacement(self, query: Query, answered: Callable[[Query], bool]) -> Query | None:
-        """Return a query to put in place of the asker's ``query``, or None to put that.
+        """Return a query to put in place of the asker's ``query``, or None to put the latter.
 
         It is a check, another kind of question, or the same question in whole numbers.
         """

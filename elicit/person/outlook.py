@@ -53,7 +53,7 @@ class _Play:
 
 
 class Outlook:
-    """The notes beside a question that is on the screen.
+    """The notes shown with a question on the screen.
 
     One thread may compute them, by ``steps``, while others read.
 

@@ -297,10 +297,10 @@ class ReplayedAsker:
         return asker
 
     def restarts(self, answers: Sequence[Answer]) -> Iterator[None]:
-        """Return steps that make, for each of these answers, the asker that would also know it.
+        """Return steps, each of which makes the asker that also knows one of these answers.
 
-        It is used when that answer comes, if the asker must then be made anew. Another thread may
-        go through the steps.
+        That asker is used if this answer comes and the asker must then be made anew. Another thread
+        may go through the steps.
         """
         before = self._without_repeats()
         after = [[*before, Entry(answer)] for answer in answers]

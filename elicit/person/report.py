@@ -243,7 +243,7 @@ def _changes(changes: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _not_printed(what: str) -> str:
-    """Return a sentence that stands on paper only."""
+    """Return a sentence that is shown only on paper."""
     return (
         f'<p class="printed">{escaped(what)} is not printed. It is on this page on a screen, and '
         "in the tables that can be downloaded beside it.</p>"

@@ -211,8 +211,8 @@ class Session(Closing):
     def next_told(self) -> Query | None:
         """Return the first query that the asker waits for.
 
-        It differs from ``question`` if an earlier question is put again, or another query in its
-        place.
+        ``question`` is another one if an earlier question is put again, or if a replacement is put
+        in place of this query.
         """
         return next(iter(self._pending().values()), None)
 
@@ -243,7 +243,8 @@ class Session(Closing):
     def checks_left(self, id: str, further: int) -> int:
         """Return the fewest checks that must come after the pending question of this id.
 
-        There are no more than questions to put again, if so many ``further`` answers come.
+        It is at most the number of questions that can be put again once ``further`` more answers
+        have come.
         """
         if not self.audits:
             return 0
@@ -484,7 +485,7 @@ class Session(Closing):
         return self._replayed.supposing(without, meant)
 
     def restarts(self, query: Query, swapped: bool) -> Iterator[None]:
-        """Return steps that prepare the asker after each answer to a query put in place of its own.
+        """Return steps that prepare the asker for each answer to a replacement of its own query.
 
         Another thread may go through them while the person reads. Nothing changes.
 
@@ -507,9 +508,10 @@ class Session(Closing):
         """Return sets of answers that contradict each other, whatever the scale.
 
         If any one of a set were withdrawn, the others of that set would be consistent. No answer is
-        in two sets. The person is taken not to err, also with a noisy comparator. But with one that
-        allows for errors, what they call equal may differ by 5% of the value range. Answers of
-        different people do not contradict each other.
+        in two sets. Each answer is taken as right, even if the comparator allows for errors. With a
+        comparator other than a polytope, two things that the person calls equal may still differ by
+        5% of the value range, or by its ``tie`` if that is more. Answers of different people do not
+        contradict each other.
         """
         told = [entry for entry in self._log if counts(entry) and entry.answer.verdict is not None]
         people = dict.fromkeys(entry.answer.who for entry in told)
@@ -533,8 +535,8 @@ class Session(Closing):
     def contradiction(self) -> tuple[Entry, ...]:
         """Return a set of a person's answers that contradict each other, with the last among them.
 
-        It is empty if the last answer contradicts none, whether the comparator errs or not. One
-        more answer takes far less time than all ``conflicts``.
+        It is empty if the last answer contradicts none. As for ``conflicts``, each answer is taken
+        as right. To check one more answer takes far less time than to find all ``conflicts``.
         """
         rest = [entry for entry in self._log if counts(entry) and entry.answer.verdict is not None]
         standing = self._log.standing
@@ -568,9 +570,10 @@ class Session(Closing):
     def _taken_for_true(
         self, entries: Sequence[Entry], k: int
     ) -> tuple[PolytopeComparator, list[Entry]]:
-        """Return a comparator that takes answers for true, and those that contradict none before.
+        """Return a comparator that takes answers as facts, and the answers that it has learned.
 
-        It is kept, for the same answers are often needed again.
+        Answers that contradict earlier ones are left out. The result is kept, because it is often
+        needed again for the same answers.
         """
         said = _said(entries)
         if self._consistent is not None and self._consistent[1] == said:
@@ -661,7 +664,7 @@ class Session(Closing):
 
 
 def _said(entries: Sequence[Entry]) -> list[Any]:
-    """Return what tells these answers from others."""
+    """Return the ids and verdicts of answers, by which two lists of answers are compared."""
     return [(entry.answer.query.id, entry.answer.verdict) for entry in entries]
 
 

@@ -37,8 +37,8 @@ def polytope(
 ) -> Axes:
     """Draw a polytope's plausible scales at k = 4, in the plane of the two middle levels' values.
 
-    All ordered scales, 0 <= e_2 <= e_3 <= 1, are a triangle, of which margin, prior and answers
-    leave a part. The ratio of two areas is that of the volumes in the simplex of gaps.
+    All ordered scales, 0 <= e_2 <= e_3 <= 1, are a triangle. The margin, the prior and the answers
+    leave a part of it. The ratio of two areas is that of the volumes in the simplex of gaps.
 
     Parameters
     ----------

@@ -47,8 +47,8 @@ def scale_intervals(
     Parameters
     ----------
     comparators : Comparator, sequence or mapping
-        A comparator, or several, perhaps by name, drawn beside each other. A ``Result`` stands for
-        its comparator.
+        A comparator, or several, perhaps by name. Several are drawn side by side. A ``Result``
+        stands for its comparator.
     ax : matplotlib Axes, optional
     labels, values : optional
         Names of the levels, and the true scale: see ``elicit.plot``.
@@ -114,7 +114,7 @@ def scale_intervals(
 def agreement(found: Agreement, ax: Axes | None = None) -> Axes:
     """Draw each person's interval and best guess of each level's value, side by side.
 
-    People of the same group stand together and have the same colour.
+    People of the same group are drawn next to each other, in the same colour.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ def demand(condition: Any, message: str) -> None:
 def demand_near(
     what: str, found: Any, wanted: Any, d: Floats, tolerance: float = TOLERANCE
 ) -> None:
-    """Demand that numbers (n,), for rows of d (n, k), equal ``wanted`` to ``tolerance`` |d|_1."""
+    """Demand that numbers (n,), for rows of d (n, k), be within tolerance |d|_1 of ``wanted``."""
     apart = np.abs(np.nan_to_num(found) - np.nan_to_num(wanted)) > tolerance * np.abs(d).sum(axis=1)
     if apart.any():
         i = int(np.argmax(apart))
@@ -28,7 +28,10 @@ def demand_near(
 
 
 def demand_same(what: str, found: Any, than: str, wanted: Any, d: Floats) -> None:
-    """Demand that verdict codes (n,), for rows of d (n, k), equal ``wanted``, those of ``than``."""
+    """Demand that verdict codes (n,), for rows of d (n, k), equal the codes ``wanted``.
+
+    ``than`` says in the message where the latter come from.
+    """
     demand_near(f"{what} must agree with {than}", found, wanted, d, 0.0)
 
 

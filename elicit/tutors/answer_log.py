@@ -192,9 +192,9 @@ class AnswerLog(Closing):
         ----------
         path : str or path
         faults : list, optional
-            Receives the errors of a damaged log, which is then read as far as it can be trusted. A
-            line that is intact but says what cannot be is left out alone. Without a list the first
-            error is raised.
+            Receives the errors of a damaged log, which is then read as far as it can be trusted. If
+            a line is intact but its content is impossible, only this line is left out. Without a
+            list the first error is raised.
 
         Raises
         ------
@@ -508,7 +508,7 @@ def _as_path(path: object) -> Path:
 
 
 def _end_with(items: list[T], n: int, last: T) -> None:
-    """Make ``last`` the item after the first n, and the last one. Calling it twice does no harm."""
+    """Replace all items after the first n by ``last``. Calling it twice does no harm."""
     items[n:] = [last]
 
 

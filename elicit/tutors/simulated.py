@@ -97,9 +97,10 @@ class _Simulated:
 
     @property
     def respondent(self) -> Respondent:
-        """Return the tutor as plain arrays for compiled loops. Answers there are counted here.
+        """Return the tutor as plain arrays for compiled loops.
 
-        Ask for it again whenever a loop has come back LEFT_OPEN. The result is ``nobody()`` for a
+        Answers that a loop takes from the arrays are counted by this tutor. If a loop has stopped
+        with LEFT_OPEN, get the arrays again for the next one. The result is ``nobody()`` for a
         class that answers in its own way.
         """
         kind = type(self)

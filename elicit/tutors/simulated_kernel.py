@@ -51,7 +51,7 @@ def nobody() -> Respondent:
 def truth(t: Any, g: Any) -> tuple[int, float]:
     """Return the sign and the size of t.g, for tail sums t (p,) and gaps g (p,).
 
-    The sign is LEFT_OPEN if floats cannot tell: the sum is too near to 0, or too large.
+    The sign is LEFT_OPEN if floats cannot tell it, because the sum is too near to 0 or too large.
     """
     at, size = 0.0, 0.0
     for j in range(len(t)):
