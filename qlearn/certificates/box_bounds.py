@@ -14,13 +14,13 @@ _AT_ONCE = 1 << 14  # differences bounded at the same time
 def bounds_of_many(comparator: Comparator, d: Floats) -> tuple[Floats, float]:
     """Return upper bounds on d.e for very many differences, and the confidence in them.
 
-    Most of the differences are below 0 for every plausible scale. Their bounds are those over a box
-    that contains all plausible scales, which suffices to show it. The other differences have the
-    comparator's ``simultaneous_bounds``.
+    For most of the differences, d.e is below 0 under every plausible scale. Bounds over a box that
+    contains all plausible scales suffice to show this, and these bounds are returned for them. The
+    other differences have the comparator's ``simultaneous_bounds``.
 
     The axes of the box are the principal axes of the comparator's draws, and its extent comes from
-    2 (k - 1) bounds. No box is used if the comparator has no draws, or if its bounds are not
-    certain, because those may depend on how many are asked for.
+    2 (k - 1) bounds. No box is used if the comparator has no draws. Nor is one used if its bounds
+    are not certain, because such bounds may depend on the number of differences.
 
     Parameters
     ----------

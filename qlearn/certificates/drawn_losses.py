@@ -28,8 +28,9 @@ def loss_over_draws(
 
     It is accurate to about a hundredth of itself, unless ``MOST_SWEEPS`` ends the computation
     earlier. First, each draw gets a rough bound: its greatest advantage divided by 1 - discount.
-    Draws are then looked at in that order, and most of them need no closer look. If ``enough`` is
-    given, the computation stops once the quantile certainly exceeds it, and returns inf.
+    Draws are then bounded more closely, those with the greatest rough bound first, until the
+    quantile is known. Most draws need only the rough bound. If ``enough`` is given, the computation
+    stops once the quantile certainly exceeds it, and returns inf.
     """
     doubt, t = advantages.doubt / (1 - mdp.discount), tail_sums(advantages.d)
     first = np.minimum(

@@ -141,10 +141,11 @@ def guarantee(
 
 
 def _refuted(mdp: OrdinalMDP, advantages: Advantages, high: Floats, enough: float) -> bool:
-    """Return whether a loss bound from these bounds ``high`` (n,) on advantages exceeds ``enough``.
+    """Return whether a policy's loss bound certainly exceeds ``enough``.
 
-    The loss bound is the most that a policy can collect of them. Sweeps of value iteration from 0
-    rise to that, and mostly exceed ``enough`` after a few.
+    The loss bound is the most that a policy can collect of the upper bounds ``high`` (n,) on
+    advantages. Value iteration that starts at 0 approaches it from below, and mostly exceeds
+    ``enough`` after a few sweeps.
     """
     live, total = ~mdp.terminal, np.zeros(mdp.n_states)
     gain = np.full(mdp.levels.shape, -np.inf)
@@ -162,9 +163,9 @@ def _refuted(mdp: OrdinalMDP, advantages: Advantages, high: Floats, enough: floa
 def completed(
     found: Guarantee, mdp: OrdinalMDP, advantages: Advantages, comparator: Comparator
 ) -> Guarantee:
-    """Return the guarantee, with its bound computed if a search had left it at inf.
+    """Return a guarantee whose bound is computed if it was left at inf, which means "too large".
 
-    ``advantages`` may be of some states only. Then all are computed.
+    ``advantages`` may be of some states only. The bound is computed from those of all states.
     """
     if np.isfinite(found.loss_bound):
         return found

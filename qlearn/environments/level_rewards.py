@@ -48,7 +48,7 @@ class LevelRewarded(gym.Wrapper[Any, Any, Any, Any], Generic[R]):
 class LevelRewardedVector(VectorWrapper[Any, Any, NDArray[Any]]):
     """Base class like ``LevelRewarded``, of wrappers of a vector of environments.
 
-    If an environment uses a step of its own to start a new episode, that step has reward 0.
+    If an environment starts a new episode in a separate step, that step has reward 0.
     """
 
     def __init__(self, env: VectorEnv[Any, Any, NDArray[Any]], levels: Levels) -> None:

@@ -77,12 +77,12 @@ class Levels:
 
     @property
     def during(self) -> Floats:
-        """Return what a step at each level adds to the shares (k, k) if the episode goes on."""
+        """Return a row (k,) for each level: what a step adds to shares if the episode goes on."""
         return np.eye(self.k) * (1.0 if self.discount is None else 1.0 - self.discount)
 
     @property
     def ending(self) -> Floats | None:
-        """Return what a step at each level adds to the shares (k, k) if it terminates the episode.
+        """Return a row (k,) for each level: what a step that ends the episode adds to shares.
 
         The result is None if no lasting level is given.
         """

@@ -69,9 +69,9 @@ Owned: TypeAlias = Mapping[str, Own]
 
 
 class Run(NamedTuple):
-    """A finished run: its row of the table, and what a comparison with the oracle needs.
+    """A finished run: its row of the table, and numbers for a comparison with the oracle's run.
 
-    The latter is v (S,) of the paper's figure 4, and the greatest reward that can be had. The
+    These numbers are v (S,) of the paper's figure 4, and the greatest reward of an action. The
     seconds that the run took come last.
     """
 
@@ -119,11 +119,11 @@ def ablate(
     columns are nan).
 
     Your own parts are given as a mapping from their names, which ``runs.csv`` and pictures show, to
-    their factories. Ours may stand beside them under their own names: ``comparators={"mine": lambda
-    k, seed: Mine(k), "polytope": "polytope"}``. A factory is a function, or the text
-    "package.module:factory". Such a text may also be given in place of a name, and is then the
-    name. A factory is called for every run, in the process that computes it. Lambdas and closures
-    are allowed.
+    their factories. The mapping may also hold our parts, under their own names:
+    ``comparators={"mine": lambda k, seed: Mine(k), "polytope": "polytope"}``. A factory is a
+    function, or the text "package.module:factory". Such a text may also be given in place of a
+    name, and is then the name. A factory is called for every run, in the process that computes it.
+    Lambdas and closures are allowed.
 
     comparators   factory(k, seed) -> Comparator of k levels; never audited
     problems      factory(seed) -> (mdp, values), an OrdinalMDP and its hidden scale (k,)

@@ -86,9 +86,10 @@ def plot_ablation(
 
     There are two panels, one above the other. The loss is against the optimal policy under the
     hidden values, by the tutor's error rate. A line joins the error rates of a comparator. Your own
-    tutors stand beside them, by name, without a line. 95% t-intervals are drawn if there are three
-    seeds or more: those of two seeds would hide everything else. Hollow markers mean that the
-    budget was spent in at least one run. A grey horizontal line is the loss without any question.
+    tutors are drawn next to the error rates, by name, without a line. 95% t-intervals are drawn if
+    there are three seeds or more: those of two seeds would hide everything else. Hollow markers
+    mean that the budget was spent in at least one run. A grey horizontal line is the loss without
+    any question.
 
     ``summary`` is ``ablation.summarise(...)``. Audited runs are not drawn. ``max_queries`` draws
     the budget, and ``names`` overrides ``NAMES``. If points have fewer runs than ``seeds``, the
@@ -230,7 +231,7 @@ def _paths(
 ) -> None:
     """Draw the means of each comparator, with a line through those of the error rates only.
 
-    Intervals stand beside each other, and none reaches below 0.
+    Intervals are drawn side by side, and none reaches below 0.
     """
     for place, name in enumerate(looks):  # the same place in every panel
         if not (part.comparator == name).any():

@@ -51,8 +51,8 @@ class LearnerEntry:
     factory : function
         Makes the learner from mdp, comparator and keywords.
     keywords : function
-        Takes the settings, and returns the keywords that this learner has beside those of all
-        learners.
+        Takes the settings, and returns the keywords that this learner takes in addition to those of
+        all learners.
     indifference : function, optional
         Takes the settings and the discount, and returns the indifference that follows from the
         learner's tolerance. None: the settings have the indifference, and the learner runs with

@@ -97,7 +97,7 @@ class LossHistory:
         return np.array([row.loss_bound for row in self._rows])
 
     def after(self, asked: ArrayLike) -> NDArray[np.int64]:
-        """Return, for each number given, the index of the last row with at most so many questions.
+        """Return for each number given the index of the last row with at most that many questions.
 
         For example, ``history.loss[history.after(range(30))]`` is a curve of thirty points, even if
         the learner ended earlier.

@@ -43,7 +43,7 @@ class Number:
 
 @dataclass(frozen=True)
 class OneOf:
-    """A kind of setting: one of some names, or yes and no."""
+    """A kind of setting: one of some names, or True or False."""
 
     names: tuple[Any, ...]
 
@@ -85,9 +85,10 @@ class NameOrOwn(OneOf):
         return own_of(given) if isinstance(given, str) and ":" in given else None
 
     def named(self, name: Any, given: Any) -> Any:
-        """Return the value of an item of a mapping: one of our names, or the user's own part.
+        """Return the value of an item (name, part) of a user's mapping, or None if not allowed.
 
-        One of ours is given as the same name, or as ``...``.
+        For one of our names the value is the name. The part is then the same name, or ``...``. For
+        other items the value is the user's own part.
         """
         if not isinstance(name, str) or not name:
             return None

@@ -58,7 +58,10 @@ class Drivable(Protocol[R_co]):
         """Take answers to pending queries. Return those that were dropped."""
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
-        """Let the function ``signs`` answer from now on, if the learner can use it. None: ask."""
+        """Have the function ``signs`` answer from now on, if the learner can use it.
+
+        None: ask the tutor again.
+        """
 
     def result(self) -> R_co:
         """Return the result so far."""

@@ -36,7 +36,7 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 def place(mdp: OrdinalMDP, state: int, a: int, b: int) -> tuple[str, str, tuple[int, int, int]]:
     """Return the place at which actions a and b are compared: its names.
 
-    The names are the sentence that asks about the actions with a on the left, the same with b on
+    There are three names: the question in words with a on the left, the question in words with b on
     the left, and the numbers of the state and of the actions.
     """
     return _sentence(mdp, state, a, b), _sentence(mdp, state, b, a), (state, min(a, b), max(a, b))
@@ -419,9 +419,9 @@ class Learner:
         return dropped
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
-        """Let the function ``signs`` answer from now on. Its answers are counted, not logged.
+        """Have the function ``signs`` answer from now on. Its answers are counted, not logged.
 
-        It maps differences (n, k) to verdicts (n,). None: ask the tutor.
+        It maps differences (n, k) to verdicts (n,). None: ask the tutor again.
         """
         self._elicitation.signs = signs
 

@@ -391,7 +391,7 @@ class InteractivePolicyIteration(Learner):
         return pair if elicitation.may_ask(cut[None], lambda _: pair.place).all() else None
 
     def _deciding_tiers(self, advantages: Advantages) -> NDArray[np.int8]:
-        """Return the tiers (n,) that decided that the policy's alternatives are no better.
+        """Return the tier (n,) by which each of the policy's alternatives was found no better.
 
         Undecided alternatives are left out, unless the question budget is spent.
         """

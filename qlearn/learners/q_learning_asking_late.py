@@ -148,8 +148,8 @@ class LateQLearning(InteractiveQLearning):
     ) -> Floats:
         """Return how much (n,) each difference is likely to change in further steps.
 
-        It is a share of its change under the central scale since the last checkpoint, and 0 at the
-        end.
+        The estimate is ``MOVED`` times its change under the central scale since the last
+        checkpoint. After the last step it is 0.
         """
         if self.done:
             return np.zeros(len(states))

@@ -128,7 +128,7 @@ def max_regret(candidates: Candidates) -> Floats:
 
 @uses("draws")
 def most_even_cut(candidates: Candidates) -> Floats:
-    """Score by the weight of scales that either answer excludes at least.
+    """Score by the weight of scales that are excluded by the answer that excludes less.
 
     "Left is better" excludes the scales with d.e < 0, and "right is better" those with d.e > 0.
     """

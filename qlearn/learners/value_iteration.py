@@ -303,7 +303,7 @@ class LateValueIteration(InteractiveValueIteration):
         return None
 
     def _put_off(self, questions: bool) -> None:
-        """Begin the sweep again, and delay questions or, with ``questions`` False, ask them."""
+        """Begin the sweep again. Its questions are delayed, or asked if ``questions`` is False."""
         self._elicitation.puts_off = questions
         self._states.begin()
 

@@ -123,11 +123,11 @@ def _scale(
 
 
 def _nodes(table: Table, arrival: dict[float, int], after: int) -> list[Node]:
-    """Return the MDP's states: the environment's states, each with a level it is entered with.
+    """Return the MDP's states: pairs of an environment's state and the level on entering it.
 
-    Each state with its lowest level comes first, then states with each further level. Then follows
-    the end of an episode, entered with each level, and last with the level of the time ``after``
-    it.
+    First comes each state with the lowest level on which it can be entered, then each state with
+    each of its further levels. The end of an episode follows, with each level on which it can be
+    entered. The last pair is the end with the level ``after``, that of all later time.
     """
     entered: dict[int, set[int]] = {s: set() for s in range(len(table))}
     ended: set[int] = set()
@@ -184,7 +184,11 @@ def _arrays(
 
 
 def _start(states: int, n: int, initial: ArrayLike | None) -> Floats:
-    """Return the initial distribution (n,) over n states, of which the environment's come first."""
+    """Return the initial distribution (n,) over the MDP's n states.
+
+    The first ``states`` of them are the environment's. ``initial`` is the distribution over these.
+    Its default is uniform.
+    """
     given = (
         np.full(states, 1 / states) if initial is None else np.asarray(initial, dtype=np.float64)
     )

@@ -118,9 +118,9 @@ def _dense(flows: sparse.csr_array) -> Solver:
 def _sparse(flows: sparse.csr_array, discount: float) -> Solver:
     """Return a solver for a sparse chain, which tries four methods and keeps the first that works.
 
-    The first two, sweeps beside a constant and Krylov steps, are quick on chains that mix. On these
-    a factorisation, the third, would fill up. If it does not fit into memory, plain sweeps are
-    used.
+    The first two are quick on chains that mix: sweeps with a constant correction, and Krylov steps.
+    The third is a factorisation, which would fill up on such chains. If it does not fit into
+    memory, plain sweeps are used.
     """
     n = flows.shape[0]
     matrix = sparse.eye_array(n, format="csr") - flows

@@ -59,7 +59,10 @@ class Seen:
         self._means: NDArray[np.float32] | None = None  # (S, A)
 
     def room(self, v: Floats, discount: float) -> float:
-        """Return by how much a mean that was seen may be off, against another one, for v (S,)."""
+        """Return by how much an action must have been worse than another to be worse still.
+
+        The present values are v (S,).
+        """
         moved, size = (v, 0.0) if self._v is None else (v - self._v, float(np.abs(self._v).max()))
         rounding = 2.0**-22 * size + 1e-12  # means are kept in single precision
         return discount * float(moved.max() - moved.min()) + rounding
@@ -73,9 +76,9 @@ class Seen:
         return np.asarray(q >= q.max(axis=1, keepdims=True) - room)
 
     def forget(self, shape: tuple[int, ...]) -> NDArray[np.float32]:
-        """Return room for new means (S, A), and forget the old ones.
+        """Forget the old means, and return an array (S, A) for new ones.
 
-        If the next sweep is interrupted, nothing is left that is half new.
+        So an interrupted sweep leaves no array in which old and new means are mixed.
         """
         means, self._means, self._v = self._means, None, None
         return np.empty(shape, dtype=np.float32) if means is None else means
@@ -148,9 +151,9 @@ def nearly_optimal(
 ) -> tuple[Floats, Actions, float]:
     """Return the greatest discounted total (S,) of rewards ``gain`` (S, A), to about ``within``.
 
-    Also return a policy (S,) that is nearly greedy for it, and an upper bound on what the total
-    lacks at any state. A terminal state's total is ``ends`` (S,). The method is modified policy
-    iteration (Puterman and Shin 1978) from ``start`` (S,).
+    Also return a policy (S,) that is nearly greedy for it, and an upper bound on how far the total
+    is below the exact one at any state. A terminal state's total is ``ends`` (S,). The method is
+    modified policy iteration (Puterman and Shin 1978) from ``start`` (S,).
 
     Actions of the policy ``last`` (S,) are kept if they are as good, to within (1 - discount)
     ``within``. If ``states`` (n,) are given, sweeps end once the totals are good enough at these

@@ -50,8 +50,8 @@ class WorstOffPolicy:
     confidence : float
         The probability that all these bounds hold: 1 if they are proven, nan if none can be stated.
     policy : (S,) actions
-        The best deterministic policy that was tried. Tried are each member's best, the best for the
-        mean, and the likeliest actions of ``probabilities``. There may be better ones.
+        The best of the deterministic policies that were tried: each member's best policy, the best
+        one for the mean, and the likeliest actions of ``probabilities``. There may be better ones.
     policy_losses : mapping of str to float
         The loss of ``policy`` to each member, as ``losses``.
     """
@@ -166,7 +166,7 @@ def _losses(
 
 
 def _least_greatest_loss(mdp: OrdinalMDP, scales: Floats) -> tuple[Floats, Floats]:
-    """Return action probabilities (S, A) whose greatest loss to any scale is least, and weights.
+    """Return action probabilities (S, A) whose greatest loss under any scale is least, and weights.
 
     The scales are (n, k). The weights (n,), of total 1, are the dual solution and prove it: no
     policy has a smaller weighted mean of losses.
@@ -242,10 +242,10 @@ def _bounds(
     bounds on the advantages.
 
     The excess is the policy's greatest loss, minus the least greatest loss of any policy. Let w be
-    weights of total 1. Any policy's greatest loss is at least the w-mean of its losses. That mean
-    is at most so much below this policy's as can be collected of the w-mean of the bounds. So the
-    excess is at most this policy's greatest loss, minus the w-mean of lower bounds on its losses,
-    plus what can be collected.
+    weights of total 1. Any policy's greatest loss is at least the w-mean of its losses. Compared
+    with this policy's w-mean, that mean can be smaller only by the most that can be collected of
+    the w-mean of the bounds. So the excess is at most this policy's greatest loss, minus the w-mean
+    of lower bounds on its losses, plus what can be collected.
     """
     states = np.flatnonzero(~mdp.terminal)
     v = evaluate_policy(mdp, chances)

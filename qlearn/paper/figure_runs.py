@@ -110,8 +110,8 @@ def _law(tutor: str) -> dict[str, float | None]:
 def run_one(cell: Cell, **shared: Any) -> Run:
     """Run a cell as ``run_named`` does, and add to its row.
 
-    Added is the number of its warnings. For a tutor whose precision is given, its error rate on the
-    reference differences is added too.
+    The number of warnings is added. If the tutor's precision is given, the tutor's error rate on
+    the reference differences is added too.
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

@@ -81,7 +81,7 @@ def plot_loss(
     tutors: Sequence[str] | None = None,
     measures: Sequence[str] = tuple(_LOSSES),
 ) -> Figure:
-    """Draw the paper's figure 4, its percentage of loss, beside losses that it does not show.
+    """Draw the paper's figure 4, its percentage of loss, next to losses that it does not show.
 
     Lines mark 1%, the paper's bound. ``tutors`` and ``measures`` are as for ``plot_asked``.
     """

@@ -96,7 +96,7 @@ class InteractiveTraining:
         no more than this.
     optimality_gap : float, optional
         Largest distance of a training's result below its optimum, in the same unit (0: no
-        distance). ``loss_bound`` includes it, beside errors of measured shares. None: it is
+        distance). ``loss_bound`` includes it, as well as errors of measured shares. None: it is
         unknown, and there is no bound.
     objectives : (low (m,), high (m,)), optional
         Bounds of the objectives, for vectors of ``elicit.objectives`` with k = m + 1.
@@ -121,8 +121,9 @@ class InteractiveTraining:
     Notes
     -----
     This is optimistic linear support over share vectors (Roijers 2015; Mossalam et al. 2016). The
-    best policy so far is the best at the comparator's central scale. Its regret against the others
-    is bounded under all plausible scales, and asked about.
+    best policy so far is the best at the comparator's central scale. Its regret against each other
+    policy is bounded over all plausible scales, and questions are about policies whose bound is too
+    large.
 
     Policies that nobody has trained are bounded by the trainings: at the scale of a training, no
     policy is better than its result plus the gap. All vectors that satisfy these bounds form the
@@ -517,7 +518,7 @@ class InteractiveTraining:
     def _reach(self) -> ReachableSet:
         """Return the set of all vectors that policies may have, as far as the trainings tell.
 
-        Each training is taken to reach its optimum, or the value of a better policy added since.
+        At the scale of each training, the best policy added so far is taken to be optimal.
         """
         scales = [np.diff(one.trained_on) for one in self._policies if one.trained_on is not None]
         if not scales:

@@ -101,7 +101,7 @@ def guarantee_of(
     Parameters
     ----------
     everything : ReachableSet
-        All vectors, before any training.
+        The set of all vectors that are possible before any training.
     policies : tuple of TrainedPolicy
     at : int or None
         Number of the policy.

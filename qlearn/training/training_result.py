@@ -89,7 +89,7 @@ class TrainingResult:
         It is the comparator's confidence, minus the probability that a measured share is off by
         more than ``STANDARD_ERRORS`` standard errors. The comparator's confidence is 1 if the bound
         is proven for every scale that fits the answers. The result is nan if there is no bound, or
-        no probability of it.
+        if no probability can be stated.
         """
         return float(self._guaranteed.confidence)
 

@@ -122,7 +122,7 @@ class AnswersInLoops(Protocol):
 
     @property
     def respondent(self) -> Respondent:
-        """Return the arrays. Ask for them again whenever they have left an answer LEFT_OPEN."""
+        """Return the tutor as arrays. If an answer from them is LEFT_OPEN, get them again."""
 
 
 class PairDecider:
@@ -176,7 +176,7 @@ class PairDecider:
     def _tutor(self, rule: Rule) -> Respondent:
         """Return the tutor to ask within the loop, as arrays, and make room for the answers.
 
-        The loop may add answers to the rule only if the rule holds all that was proven so far.
+        The loop may add answers to the rule only if it is the comparator's latest rule.
         """
         elicitation = self._elicitation
         respondent = nobody() if self.tutor is None else self.tutor.respondent
@@ -206,10 +206,10 @@ class PairDecider:
         return taken
 
     def take_told(self, rule: Rule | None = None) -> bool:
-        """Have the elicitation take the answers given within the loop.
+        """Pass the answers given in the loop to the elicitation; return whether there were any.
 
-        An interruption may have left answers without the rule to which they were added. Return
-        whether there were any answers.
+        ``rule`` is the comparator's rule if the loop has added the answers to it. It is None if the
+        loop has not, or if an interruption has lost the rule.
         """
         told = self._told
         n = int(told.fill[USED])
@@ -247,7 +247,10 @@ class PairDecider:
 
 @compiled
 def by_order(verdict: int, dominance: bool) -> int:
-    """Return the tier of the verdict of ``difference``, or NO_TIER if it does not decide."""
+    """Return the tier of a verdict of ``difference``; NO_TIER if it does not decide the pair.
+
+    ``dominance`` is whether dominance may decide.
+    """
     if verdict == EQUAL:
         return BY_EQUAL
     return BY_DOMINANCE if dominance and verdict != UNKNOWN else NO_TIER

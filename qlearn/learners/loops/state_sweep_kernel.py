@@ -73,8 +73,8 @@ def sweep(states: Any, work: Work, model: MdpArrays, deciding: DecidingArrays, o
     The sweep stops if there may be no room to keep the next state's comparisons.
 
     If the tutor is an oracle that answers everything, it is asked about one challenger of each
-    state, so that all states take turns. The state's code is then ANSWERED. The sweep stops behind
-    a state for which the oracle returns LEFT_OPEN.
+    state, so that all states take turns. The state's code is then ANSWERED. The sweep stops after a
+    state for which the oracle returns LEFT_OPEN.
     """
     rule, asking, oracle, certificates, kept, _, _ = deciding
     keeps = len(kept.tiers) > 0

@@ -65,7 +65,10 @@ class SampledRounds:
         return self._pool, Guarantee(np.inf, np.nan)
 
     def _in_vain(self, pool: Advantages, comparator: Comparator) -> bool:
-        """Return whether these advantages alone show that the bound is still too large."""
+        """Return whether some advantages, ``pool``, already show a loss bound above ``enough``.
+
+        Then the bound over all states need not be computed.
+        """
         if self._too_much(pool, comparator):
             return True
         if self._all is None or drawn_set(comparator) is not None:
@@ -119,8 +122,9 @@ class SampledRounds:
     def _too_much(self, advantages: Advantages, comparator: Comparator) -> bool:
         """Return whether too many draws show a loss above ``enough``.
 
-        A draw does if some alternative action, taken once, gains more than that. Then no bound can
-        be small enough, and these actions are the ones to ask about.
+        A draw shows it if under its scale some alternative action, taken once, gains more than
+        that. With too many such draws no bound can be small enough, and these actions are the ones
+        to ask about.
         """
         draws, trusted = draws_of(comparator), drawn_set(comparator)
         scores = product(tail_sums(advantages.d), draws.gaps)
