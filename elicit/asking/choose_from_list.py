@@ -37,11 +37,26 @@ _Plan = tuple[
 class Choice:
     """The result of a choice.
 
-    best: index of the best vector, the first if several are equal. order: all indices, best first,
-    or None if only the best was wanted. name: the name of the best. asked: number of questions
-    answered, of which ``cannot_tell`` got no verdict. decided: number of pairs that each tier
-    decided ("equal", "dominance", "lp", "tutor", "guess", ...). answers: the answers that the
-    comparator learned. guarantee: a function that computes ``loss_bound`` and ``confidence``.
+    Attributes
+    ----------
+    best : int
+        Index of the best vector, the first if several are equal.
+    order : tuple of int or None
+        All indices, best first. None if only the best was wanted.
+    name : str
+        The name of the best.
+    status : Status
+    asked : int
+        Number of questions answered.
+    cannot_tell : int
+        Number of these that got no verdict.
+    decided : dict of str to int
+        Number of pairs that each tier decided ("equal", "dominance", "lp", "tutor", "guess", ...).
+    comparator : Comparator
+    answers : Answers
+        The answers that the comparator learned.
+    guarantee : function
+        Computes ``loss_bound`` and ``confidence``.
     """
 
     best: int

@@ -28,8 +28,8 @@ class NearTies:
     tie : float
         The comparator's tie, a share of the value range.
     counts : bool
-        False, and the number stays 0, if there is no tie. Also if there are several people, because
-        one person cannot say what others would call equal.
+        False if there is no tie, or if there are several people, because one person cannot say what
+        others would call equal. The number then stays 0.
     """
 
     tie: float

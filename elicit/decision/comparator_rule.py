@@ -76,7 +76,7 @@ def asking() -> Rule:
 
 
 def silent() -> Rule:
-    """Return the rule of a comparator that decides by dominance alone, else UNKNOWN."""
+    """Return a rule that decides by dominance alone, and says UNKNOWN if that does not decide."""
     return nothing()._replace(kind=ORDER_ONLY)
 
 

@@ -68,7 +68,7 @@ def greatest(d: Floats, known: Known) -> tuple[Floats, Floats]:
 
 @compiled
 def greatest_all(t: Any, known: Known, high: Any, reached: Any) -> None:
-    """Lower upper bounds (n,) on t.g, for t (n, p), to those that the best vertices prove.
+    """Tighten upper bounds ``high`` (n,) on t.g, for t (n, p), as far as the best vertices prove.
 
     A bound follows from the vertex's multipliers. If the vertex lies in K_t up to rounding, its t.g
     is written into ``reached`` (n,).

@@ -75,8 +75,18 @@ class PredictsAnswers(Protocol):
 class Part(NamedTuple):
     """An optional part of a comparator, described for the docs.
 
-    protocol: the name of its type. signature: how it is called. gives: what it is or returns. use:
-    what is done with it, and without it. offered_by: elicit's comparators that have it.
+    Attributes
+    ----------
+    protocol : str
+        The name of its type.
+    signature : str
+        How it is called.
+    gives : str
+        Its value, or the result of a call.
+    use : str
+        What is done with it, and without it.
+    offered_by : tuple of str
+        The comparators of elicit that have it.
     """
 
     protocol: str
@@ -314,9 +324,10 @@ def bounds_above(
 def _within_order(
     comparator: Comparator, d: Floats, found: tuple[Floats, float]
 ) -> tuple[Floats, float]:
-    """Return checked bounds on d (n, k), replaced by those of the order where the latter are lower.
+    """Return a comparator's bounds on d (n, k), after a check.
 
-    Differences by rounding alone are left as they are.
+    Where the order of the levels gives a bound that is lower by more than rounding, that bound is
+    returned instead.
     """
     high, confidence = _checked_bounds(found, type(comparator).__name__, len(d))
     if unordered_of(comparator) is not None:

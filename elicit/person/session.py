@@ -224,7 +224,7 @@ class Session(Closing):
         self._repeats.regular = self.audits
 
     def conduct(self) -> Conduct:
-        """Return how the answers so far were given."""
+        """Return counts of how the person has answered so far."""
         return Conduct.of([*self._log])
 
     def answered_before(self) -> Callable[[Query], bool]:

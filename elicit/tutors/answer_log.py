@@ -133,18 +133,32 @@ class AnswerLog(Closing):
 
     ``log[i]`` is an ``Entry``, and ``log[i:j]`` a tuple of them.
 
-    path: the file to write. An existing log is continued. None keeps the log in memory. k: the
-    number of levels. None takes it from the file, else from the first answer. header: further JSON
-    fields for the header line, such as the names of the levels. An existing file must have the same
-    fields. who: the person who gave all these answers. An existing file must be of the same person,
-    or name nobody. None: the file's person; else each answer names its person, or none does.
-
     The file stays locked until ``close``, or until the log object is deleted. As a context manager
     the log closes at the end of the block. A new file can be read by its owner only.
 
-    Raises BadLog if the file is no log or no regular file, is damaged before its last line,
-    disagrees with k or header, or is of another person. Raises BlockingIOError if another process
-    writes to it, and OSError if it cannot be written.
+    Parameters
+    ----------
+    path : str or path, optional
+        The file to write. An existing log is continued. None: the log is kept in memory.
+    k : int, optional
+        Number of levels. None: that of the file, else that of the first answer.
+    header : mapping, optional
+        Further JSON fields for the header line, such as the names of the levels. An existing file
+        must have the same fields.
+    who : str, optional
+        The person who gave all these answers. An existing file must be of the same person, or name
+        nobody. None: the person whom the file names. If it names nobody, either each answer names
+        its person or none does.
+
+    Raises
+    ------
+    BadLog
+        If the file is no log or no regular file, is damaged before its last line, disagrees with
+        ``k`` or ``header``, or is of another person.
+    BlockingIOError
+        If another process writes to the file.
+    OSError
+        If it cannot be written.
     """
 
     def __init__(

@@ -70,10 +70,20 @@ def with_check(text: bytes, before: str) -> tuple[bytes, str]:
 class Lines:
     """The content of a log file, as far as it can be trusted.
 
-    header: the header's fields, or None in an empty file. lines: the number and the fields of each
-    line after the header. kept: the number of bytes in whole lines. joint: bytes to write before
-    the next line. check: the checksum of the last line. damage: the error for the first line whose
-    checksum is wrong, at which ``lines`` end; None if there is none.
+    Attributes
+    ----------
+    header : dict or None
+        The header's fields; None in an empty file.
+    lines : list of (int, dict)
+        The number and the fields of each line after the header, up to any damage.
+    kept : int
+        Number of bytes in whole lines.
+    joint : bytes
+        Bytes to write before the next line.
+    check : str
+        The checksum of the last line.
+    damage : BadLog or None
+        The error for the first line whose checksum is wrong, if there is one.
     """
 
     header: dict[str, Any] | None = None

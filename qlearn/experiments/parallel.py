@@ -103,9 +103,9 @@ def sweep(
         are called first, side by side, for work that each process would otherwise do for itself,
         such as compiling.
     own : function
-        Takes a cell and returns its parts that JSON cannot hold. They come as an identity in JSON,
-        by which the row is looked up, and as keywords of ``function``. The keywords may be
-        functions of any kind, which cloudpickle sends to workers.
+        Takes a cell and returns two things about its parts that JSON cannot hold: an identity in
+        JSON, by which the row is looked up, and the parts themselves, as keywords of ``function``.
+        They may be functions of any kind, which cloudpickle sends to workers.
     **how
         The options of ``SweepOptions``.
 

@@ -339,8 +339,8 @@ class Result:
         """A sentence if the tutor errs too much for the tolerance to be reached, else "".
 
         It appears from 30 answers on. It needs a budget of questions (``max_queries``) and a
-        comparator that learns the tutor's precision. The tolerance that it calls possible is rough;
-        what holds is ``loss_bound``.
+        comparator that learns the tutor's precision. The tolerance that it names as possible is a
+        rough estimate. Only ``loss_bound`` is guaranteed.
         """
         ended = self.status in (Status.CONVERGED, Status.CERTIFIED, Status.BOUNDED)
         if self.tolerance is None or self.budget is None or ended:

@@ -423,7 +423,10 @@ class InteractivePolicyIteration(Learner):
     def _open(
         self, advantages: Advantages, rows: NDArray[np.int64], tiers: Tiers | None = None
     ) -> tuple[Query, ...]:
-        """Ask about these rows of the advantages. For audits, ``tiers`` (n,) decided all rows."""
+        """Ask about these rows of the advantages.
+
+        For audits, ``tiers`` (n,) are the tiers that had decided the advantages.
+        """
         return self._elicitation.open(
             [
                 self._pair(advantages, row, Tier.TUTOR if tiers is None else tiers[row])

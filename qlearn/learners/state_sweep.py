@@ -230,7 +230,7 @@ class StateSweep:
     def _rules(self, n: int) -> Sequence[Rule]:
         """Return a copy of the comparator's rule for each of n blocks of states.
 
-        A block's copy receives what is proven in it. After an answer, certificates are deleted,
+        What is proven in a block is stored in its copy. After an answer, certificates are deleted,
         except proven ones.
         """
         if self._elicitation.comparator is not self._decided_by:

@@ -103,11 +103,12 @@ class InteractiveValueIteration(Learner):
     may exceed the tolerance. Then the status is DONE. It is BOUNDED in place of CONVERGED if the
     confidence of the bound is not known.
 
-    Memory: two copies of V (S, k), and for each (s, a) the last certificate, k - 1 numbers of half
-    size. Partial sweeps take V twice more while they last, and a row of transitions for each state.
-    ``Result.q`` is computed when first read, once finished from the policy's value. Pairs that only
-    the comparator itself can decide are put to it many at a time. For a comparator without a rule
-    (``elicit.decision.comparator_rule``) these are all pairs.
+    A run needs memory for two copies of V (S, k), and for the last certificate of each (s, a): k -
+    1 numbers in half precision. Partial sweeps need two more copies of V and a row of transitions
+    for each state. ``Result.q`` is computed when it is first read. At the end of a run it is
+    computed from the policy's value. Pairs that only the comparator itself can decide are put to it
+    many at a time. For a comparator without a rule (``elicit.decision.comparator_rule``) these are
+    all pairs.
     """
 
     @takes_rng

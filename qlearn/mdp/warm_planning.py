@@ -389,9 +389,10 @@ def _improved(
 
 
 def _change(new: Any, v: Any, states: Actions | None) -> Floats:
-    """Return the least and the greatest change (2, ...) of a block, if those of all states count.
+    """Return the least and the greatest change (2, ...) of a block of states.
 
-    The changes of all states are never in memory at the same time.
+    They are computed in parts, so that the changes of all states are never in memory at the same
+    time. With ``states`` given, the changes of a block do not count, and the result is arbitrary.
     """
     if states is not None:
         return np.empty((2, *v.shape[1:]))

@@ -83,8 +83,8 @@ def summarise_series(frame: pd.DataFrame) -> pd.DataFrame:
 def claims(frame: pd.DataFrame) -> pd.DataFrame:
     """Return the paper's claims: a row for every comparator and way of measuring.
 
-    Each has a 95% t-interval over seeds. What is not defined (one seed, one point) is nan. The
-    oracle, with nothing to compare, is left out.
+    Each has a 95% t-interval over seeds. A number that is not defined, as with one seed or one
+    point, is nan. The oracle is left out, because it has nothing to be compared with.
 
     Figures 2 and 3 claim that the percentage asked rises. ``estimate`` is the mean over seeds of
     its least squares slope, in percentage points for 5 more levels, or 100 more states.

@@ -64,8 +64,7 @@ _LOOKED_AT = (
 class _Question(NamedTuple):
     """A pair to ask about next.
 
-    ``at_corner`` is True if one of its vectors is a vertex of the reachable set, which no policy
-    has.
+    ``at_corner`` is True if one of its vectors is a vertex of the reachable set that no policy has.
     """
 
     pair: Pair
@@ -235,10 +234,10 @@ class InteractiveTraining:
     def max_seconds(self) -> float | None:
         """Largest number of CPU seconds of the object's own computing, in all calls together.
 
-        None, the default, is no limit. The limit may be set at any time, and a training that it
-        ended goes on if it is raised. Seconds of the trainer, of the tutor, and of reading the
-        result's ``loss_bound`` do not count. The time is checked between steps, and a step that has
-        begun is finished. At least one policy is trained.
+        None, the default, is no limit. The limit may be set at any time. If it has ended the
+        training, a higher limit lets the training go on. Seconds of the trainer, of the tutor, and
+        of reading the result's ``loss_bound`` do not count. The time is checked between steps, and
+        a step that has begun is finished. At least one policy is trained.
 
         The status at the end is then TIME_LIMIT, and the result's ``loss_bound`` says what is
         proven of the best policy so far. With a limit, the end of a run depends on the machine.

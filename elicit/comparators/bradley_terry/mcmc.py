@@ -118,9 +118,10 @@ def step(x: Any, i: int, p: int, proposal: Any, h: Any) -> bool:
     """Write a proposal for particle i: a step along the difference of two other particles.
 
     The step changes all coordinates, a few neighbouring ones, or the tutor's parameters alone. In
-    the last case a multiple of the difference is added to the coordinates after the first p. The
-    precision changes by the same multiple of the difference between the two particles' greatest
-    coordinates among the first p. Return False if the two particles do not differ there.
+    the last case the same multiple of a difference is added to the tutor's coordinates, those after
+    the first p, and to the log of the precision. For the latter it is the difference between the
+    two particles' greatest coordinates among the first p. Return False if the two particles do not
+    differ there.
     """
     m, size = x.shape
     a = int(unit(mix(h, 2)) * (m - 1))

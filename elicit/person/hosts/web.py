@@ -32,13 +32,25 @@ _FAREWELL = 5  # seconds for requests that are under way when the server stops
 class PageServer(Closing):
     """A server of pages, in a thread of its own, from ``serve_app`` until ``close``.
 
-    host: the address, or a name of it, on which to listen. Only this machine can reach 127.0.0.1,
-    ::1 and localhost. Any other address needs ``let_others_in=True``, and is not encrypted: anybody
-    who can read the network can read the answers, and take part. port: 0 takes a free one.
+    Parameters
+    ----------
+    host : str
+        The address, or a name of it, on which to listen. Only this machine can reach 127.0.0.1, ::1
+        and localhost.
+    port : int
+        0 takes a free one.
+    let_others_in : bool
+        Needed for any other address. Its connections are not encrypted: anybody who can read the
+        network can read the answers, and take part.
 
-    Raises ModuleNotFoundError, with the command to install it, if a package of the extra is
-    missing. Raises ValueError for an address that lets others in, or cannot be opened, and OSError
-    if the port is in use.
+    Raises
+    ------
+    ModuleNotFoundError
+        If a package of the extra is missing. The message has the command to install it.
+    ValueError
+        If the address cannot be opened, or needs ``let_others_in``.
+    OSError
+        If the port is in use.
     """
 
     def __init__(
@@ -105,9 +117,14 @@ class PageServer(Closing):
 class WebServer(PageServer):
     """The page of a session, served by a thread of its own from now until ``close``.
 
-    session: None if it is not made yet. The page then says that the program gets ready, until
-    ``begin``. Several servers must not share a session. Closing the server does not close the
-    session. Other arguments and errors are those of ``PageServer``.
+    Closing the server does not close the session. Several servers must not share a session. The
+    other parameters and the errors are those of ``PageServer``.
+
+    Parameters
+    ----------
+    session : Session or None
+        None if it is not made yet. The page then says that the program gets ready, until ``begin``.
+    subject : Subject
     """
 
     def __init__(
@@ -155,10 +172,15 @@ def serve(
     """Serve the page of a session until Ctrl+C.
 
     It prints the address on a line of standard output, and a new address for each line of standard
-    input. Each address lets in one browser, once.
+    input. Each address lets in one browser, once. The other parameters and the errors are those of
+    ``WebServer``.
 
-    session: or a function that makes it, which is called once the address is printed. Its errors
-    are raised. Other arguments and errors are those of ``WebServer``.
+    Parameters
+    ----------
+    session : Session or function
+        A function makes the session. It is called once the address is printed, and its errors are
+        raised.
+    subject : Subject
     """
     there = session if isinstance(session, Session) else None
     with (

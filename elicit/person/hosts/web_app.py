@@ -126,10 +126,18 @@ class Impatient(H11Protocol):
 class Door:
     """Access to a page: the valid launch token, and the cookie that it gives.
 
-    port: names the cookie, because a browser sends a host's cookies to all its ports. hosts: the
-    names, in lower case and with their ports, by which the page may be called. path: the path of
-    the page, to which alone the cookie is sent. advice: a sentence on how to get in, for people who
-    are refused. why: further sentences to them.
+    Parameters
+    ----------
+    port : int
+        A part of the cookie's name, because a browser sends a host's cookies to all its ports.
+    hosts : iterable of str
+        The names, in lower case and with their ports, by which the page may be called.
+    path : str
+        The path of the page. The cookie is sent to this path alone.
+    advice : str
+        A sentence on how to get in, for people who are refused.
+    why : str
+        Further sentences to them.
     """
 
     def __init__(
@@ -194,8 +202,8 @@ class Door:
 def application(interview: Takes, door: Door, start: str = "page.html") -> ASGIApp:
     """Return the page as an application, with ``POST /api``, which takes a message and replies.
 
-    Messages are for the interview. Messages and replies are JSON. start: the file of the page at
-    "/".
+    Messages are for the interview. Messages and replies are JSON. ``start`` is the file of the page
+    at "/".
     """
     at_once = CapacityLimiter(_AT_ONCE)
 

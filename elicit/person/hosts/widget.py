@@ -74,11 +74,15 @@ export default {
 class InterviewWidget(AnyWidget):  # type: ignore[misc, unused-ignore]  # ipywidgets are untyped
     """A session with a person, in a notebook: put it last in a cell.
 
-    Displaying it again opens another window of the same interview. Answers are in the session at
-    once: ``session.result()`` may follow in any later cell.
+    Displaying it again opens another window of the same interview. Each answer is in the session at
+    once, so any later cell may call ``session.result()``. Needs the extra ``widget``.
 
-    session: the session, which asks and keeps the answers. subject: the words of the interview.
-    Needs the extra ``widget``.
+    Parameters
+    ----------
+    session : Session
+        Asks the questions and keeps the answers.
+    subject : Subject
+        The words of the interview.
     """
 
     _esm = (_PAGE / "interview.js").read_text(encoding="utf-8") + _GLUE

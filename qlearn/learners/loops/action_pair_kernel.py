@@ -71,8 +71,8 @@ NO_TIER = -1  # the tier of a pair that is not decided yet
 class Certificates(NamedTuple):
     """The last certificate of each state s and action a, in row s*A + a, and what it shows.
 
-    A row has the certificate's vector, the verdict that it shows, and the tier to count. The
-    verdict is 0 if the row has no certificate.
+    A row has the certificate's vector, the verdict that it shows, and the tier under which its
+    decisions are counted. The verdict is 0 if the row has no certificate.
     """
 
     least: NDArray[np.floating[Any]]  # (n, p) f, of the tail sums times the verdict
