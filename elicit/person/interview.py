@@ -14,6 +14,8 @@ screen to be drawn now:
     ``minutes``.
 ``practised``
     The practice question was answered, with ``choice``.
+``practise``
+    The person wants to try the practice question again. After an answer nothing happens.
 ``answer``
     ``id`` of the question; ``choice``: "a", "b", "equal" or "cannot tell".
 ``undo``
@@ -80,6 +82,9 @@ A screen has these fields:
     ``id`` and ``sentence`` of the answer that undo takes back, or null.
 ``note``
     A remark to the person on the last message, or null.
+``may_practise``
+    True if the practice question can be tried again: its answer was not the one that most people
+    give, and no other question was answered.
 ``welcome``, ``question``, ``conflict``, ``offer``, ``end``
     Null but at their stage. The practice has a question too.
 
@@ -220,6 +225,7 @@ class Interview(Closing):
         self._lock = threading.RLock()
         self._over: str | None = None  # the note of an interview that takes no more answers
         self._started = self._practised = bool(session.log.standing)
+        self._slipped = False  # at the practice question
         self._put: str | None = None  # id of the query that was logged last as shown
         self.shown: Shown | None = None
         """The question of the last screen, for hosts that draw it themselves; None if it has
@@ -235,7 +241,8 @@ class Interview(Closing):
         self._does: dict[str, Callable[..., dict[str, Any]]] = {
             "state": lambda: self._screen(),
             "start": self._begin,
-            "practised": self._practise,
+            "practised": self._after_practice,
+            "practise": self._practise,
             "answer": self._answer,
             "undo": self._undo,
             "withdraw": self._withdraw,
@@ -462,6 +469,7 @@ class Interview(Closing):
             "time": {"planned": self._chosen.minutes, "spent": pace.spent, "pace": pace.seconds},
             "last": said,
             "note": note,
+            "may_practise": self._slipped and self._practised and not standing,
             "welcome": None,
             "question": None,
             "conflict": None,
@@ -501,7 +509,14 @@ class Interview(Closing):
         self._chosen.budget, self._chosen.minutes = _number(budget), _number(minutes)
         return self._screen()
 
-    def _practise(self, choice: str) -> dict[str, Any]:
+    def _practise(self) -> dict[str, Any]:
+        """Return to the practice question, unless another one was answered."""
+        if self._slipped and not self._session.log.standing:
+            self._practised = self._slipped = False
+            self._beside.forget()
+        return self._screen()
+
+    def _after_practice(self, choice: str) -> dict[str, Any]:
         self._started = self._practised = True
         shown = practice(
             self._subject.labels, self._subject.words, self._subject.of, self._subject.seed
@@ -509,7 +524,8 @@ class Interview(Closing):
         obvious = "b" if shown.swapped else "a"
         if self._session.question() is None:
             return self._screen()
-        if choice == obvious:
+        self._slipped = choice != obvious
+        if not self._slipped:
             return self._screen("Right. Now the real questions.")
         worst, best = (printable(self._subject.labels[i]) for i in (0, -1))
         slip = ""
@@ -517,7 +533,7 @@ class Interview(Closing):
             slip = f"Everyone in {choice.upper()} is “{worst}”: perhaps that was a slip. "
         return self._screen(
             f"Most people choose {obvious.upper()}, because everyone in it is “{best}”. {slip}"
-            "Now the real questions."
+            "You can try again, or go on: this is the first real question."
         )
 
     def _answer(self, id: str, choice: str) -> dict[str, Any]:

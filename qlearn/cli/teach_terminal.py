@@ -93,6 +93,8 @@ class Terminal:
             if screen["note"]:
                 self._say(screen["note"])
                 screen["note"] = None  # once
+                if screen["may_practise"]:
+                    self._say("u: try again")
             match screen["stage"]:
                 case "welcome":
                     self._welcome(screen["welcome"])
@@ -132,7 +134,9 @@ class Terminal:
                 case "why":
                     self._why(screen)
                 case "undo" if screen["stage"] != "practice":
-                    if screen["last"] is None:
+                    if screen["may_practise"]:
+                        screen = self._handle("practise")
+                    elif screen["last"] is None:
                         self._say("There is no answer to take back.")
                     else:
                         screen = self._handle("undo", id=screen["last"]["id"])

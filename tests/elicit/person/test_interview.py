@@ -55,6 +55,35 @@ def test_a_choice_that_there_is_not_is_refused() -> None:
         assert not len(log)
 
 
+def test_the_practice_question_can_be_tried_again_until_another_is_answered() -> None:
+    log = AnswerLog()
+    with (
+        Session(choosing, log) as session,
+        Interview(session, Subject(("x", "y", "z"))) as interview,
+    ):
+        best = interview.handle({"do": "start"})["question"]["rows"][0]
+        right, wrong = ("a", "b") if best["a"] else ("b", "a")
+        for slip in (wrong, "equal", "cannot tell"):
+            screen = interview.handle({"do": "practised", "choice": slip})
+            assert screen["stage"] == "question"
+            assert screen["may_practise"]
+            assert "try again, or go on" in screen["note"]
+            again = interview.handle({"do": "practise"})
+            assert again["stage"] == "practice"
+            assert not again["may_practise"]
+        assert not interview.handle({"do": "practised", "choice": right})["may_practise"]
+        assert interview.handle({"do": "practise"})["stage"] == "question"  # it was right
+        assert not len(log)
+    with (
+        Session(choosing, log) as session,
+        Interview(session, Subject(("x", "y", "z"))) as interview,
+    ):
+        screen = interview.handle({"do": "practised", "choice": wrong})
+        told = {"id": screen["question"]["id"], "choice": "a"}
+        assert not interview.handle({"do": "answer", **told})["may_practise"]
+        assert interview.handle({"do": "practise"})["stage"] == "question"
+
+
 def test_an_asker_that_was_given_ends_with_its_last_question() -> None:
     with (
         Session(choosing(()), AnswerLog()) as session,

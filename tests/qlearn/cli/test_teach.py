@@ -488,6 +488,19 @@ def test_the_practice_question_says_what_most_would_say(
     assert sum(map(bool, slips)) == 1
 
 
+def test_after_a_slip_the_practice_question_can_be_tried_again(
+    table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wrong = "a" if "Most people choose B" in taught("a\n", monkeypatch, capsys, table)[1] else "b"
+    right = "ab".replace(wrong, "")
+    text = taught(f"{wrong}\nu\n{right}\nu\n", monkeypatch, capsys, table)[1]
+    assert text.count("u: try again") == 1
+    assert text.count("Practice question: your answer is not saved.") == 2
+    assert text.count("Right. Now the real questions.") == 1
+    assert text.count("There is no answer to take back.") == 1  # after the right answer
+    assert not told(Path("answers-care.jsonl"))
+
+
 def test_ctrl_c_keeps_what_was_answered(
     table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

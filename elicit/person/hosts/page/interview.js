@@ -48,6 +48,7 @@ export function mount(root, send, options = {}) {
   const progress = part("div", "place"); // .progress has a style in notebooks
   const bar = part("div", "meter", { "aria-hidden": "true" }, [part("span")]);
   const note = part("p", "note", { role: "status" });
+  const trying = part("div", "trying"); // a button below the note
   const waiting = part("p", "waiting", { role: "status" });
   const body = part("div", "body");
   const saved = part("span", "saved", { role: "status" });
@@ -55,7 +56,7 @@ export function mount(root, send, options = {}) {
   const sheet = part("div", "sheet", { tabindex: "-1" }, [
     part("div", "head", {}, [part("div", "wrap", {}, [brand, progress]), part("div", "wrap", {}, [bar])]),
     banner,
-    part("div", "middle", {}, [part("div", "wrap", {}, [waiting, note, body])]),
+    part("div", "middle", {}, [part("div", "wrap", {}, [waiting, note, trying, body])]),
     part("div", "foot", {}, [part("div", "wrap", {}, [saved, nav])]),
   ]);
   hide(banner);
@@ -127,6 +128,8 @@ export function mount(root, send, options = {}) {
     const lost = `Your answer (${words}) has not been saved yet.`;
     return show({ do: "answer", id: screen.question.id, choice }, lost);
   }
+
+  const practise = () => show({ do: "practise" });
 
   const undo = () => show({ do: "undo", id: screen.last.id }, "The last answer has not been taken back yet.");
 
@@ -225,6 +228,7 @@ export function mount(root, send, options = {}) {
     fill(null);
     titled(screen.title ? `${at.name} - ${screen.title}` : at.name);
     say(note, view === remarked ? screen.note || "" : "");
+    trying.replaceChildren(...(view === "stage" && screen.may_practise ? [button("alt", "Try again", practise, "U", "U Control+Z")] : []));
     foot();
     enable(false);
     clearTimeout(untouched);
@@ -709,7 +713,7 @@ export function mount(root, send, options = {}) {
     if (!control && !letters && key.length === 1) return;
     const undone = control ? key === "z" && !event.shiftKey : key === "u" && !event.shiftKey;
     const choice = control || (event.shiftKey && key !== "?") ? undefined : KEYS[key];
-    const pushed = undone ? body.querySelector(".undo") : choice && body.querySelector(`[data-choice="${choice}"]`);
+    const pushed = undone ? (trying.querySelector("button") ?? body.querySelector(".undo")) : choice && body.querySelector(`[data-choice="${choice}"]`);
     if (!pushed) return;
     // where the answers are still below the edge, this key is for going there
     if (key === "ArrowDown" && pushed.getBoundingClientRect().bottom > window.innerHeight) return;
