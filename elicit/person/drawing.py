@@ -10,10 +10,11 @@ from datetime import UTC, datetime
 from typing import Any
 
 from elicit._support.distribution import version
+from elicit.model.comparator_parts import trusted_share
 from elicit.model.query import Verdict
 from elicit.person.asker import Compares, Supposed
 from elicit.person.course.choices import Choices
-from elicit.person.course.conclusion import Conclusion, in_unit, per_hundred
+from elicit.person.course.conclusion import Conclusion, in_unit, no_more, per_hundred
 from elicit.person.course.conduct import choice_of, was_settled
 from elicit.person.course.counts import Counts, in_answers, numbered
 from elicit.person.course.drift import Drift
@@ -93,9 +94,11 @@ class Drawing:
         """Return a sentence on the loss that was possible before the first answer."""
         words = self._subject.words
         most = in_unit(loss, words.unit, self._subject.labels, words.loss)
+        asker = self._session.current_asker()
+        level = trusted_share(asker.comparator) if isinstance(asker, Compares) else None
         return (
             f"Without your answers the result could fall {per_hundred(loss)} short of your ideal "
-            f"one. That is {most}."
+            f"one{no_more(level)}. That is {most}."
         )
 
     def _conflicts_found(self) -> tuple[tuple[Entry, ...], ...]:

@@ -255,9 +255,14 @@ def _found(
         Interview(session, taught.subject) as interview,
     ):
         end = interview.handle({"do": "result"})["end"]
-        loss = getattr(session.result(), "loss_bound", float("nan"))
+        result, nan = session.result(), float("nan")
         person = PersonFound(
-            printable(who), end, float(loss), printable(log.path.name), kept.checksum
+            printable(who),
+            end,
+            float(getattr(result, "loss_bound", nan)),
+            printable(log.path.name),
+            kept.checksum,
+            float(getattr(result, "confidence", nan)),
         )
         return _Found(
             person,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -48,6 +49,8 @@ class PersonFound:
         The end, as in the screens of ``Interview``.
     loss : float
         What the person's result can still lose, a share of the value range; nan if unknown.
+    confidence : float
+        The probability with which the loss is no greater: 1 if that is proven, nan if unknown.
     log, checksum : str or None
         The name of the file of the answers, and the end of its last line.
     """
@@ -57,6 +60,7 @@ class PersonFound:
     loss: float
     log: str | None = None
     checksum: str | None = None
+    confidence: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -174,9 +178,11 @@ def _people(people: Sequence[PersonFound]) -> Iterator[str]:
             f"{''.join(f'<td>{escaped(cell)}</td>' for cell in cells)}</tr>"
         )
     yield "</tbody>\n</table></div>"
+    sure = sorted({f"{one.confidence:.0%}" for one in people if 0.0 < one.confidence < 1.0})
+    each = f" Each holds with {' or '.join(sure)} probability." if sure else ""
     yield (
         '<p class="soft">A loss is a share of the value range, from the worst level to the best, '
-        "by the person's own scale.</p>"
+        f"by the person's own scale.{each}</p>"
     )
 
 

@@ -159,9 +159,10 @@ def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: P
         assert key == {0: "e", 1: left, -1: right}[entry.answer.verdict]
     said = report(teach.shown)
     sure = "if your answers are right" if comparator == "polytope" else "with 95% probability"
+    again = "" if comparator == "polytope" else r" \(with 95% probability\)"
     loss = (
         r"settled\. It comes within ([\d.]+) in 100 of your ideal plan\. This holds "
-        rf"{sure}\. .* At most, your "
+        rf"{sure}\. .* At most{again}, your "
         r"plan falls short of your ideal plan by as much value as if \1 in 100 days were at “"
         rf"level 1” instead of “level 5”\. .* We stop asking below 1 in 100\."
     )
