@@ -39,6 +39,14 @@ _CHECK = (
 )
 _ORDER = "This question checks that you see the levels in the order in which they are listed."
 _FURTHER = "This question makes sure that the result does not depend on too few answers."
+_FEWEST = (
+    "“At least {n} more” are the answers and checks without which no result is called settled."
+)
+_AFTER_THESE = "How many follow depends on what you answer, and cannot be said yet."
+_NO_FORECAST = (
+    "How many more questions follow depends on what you answer, and cannot be said yet. You can "
+    "finish at any time."
+)
 # a choice is mostly sure after the fewest questions about levels, and so many more. With a CSV of
 # four levels 15 of 16 simulated sessions ended within the range said at their first question
 _UNTIL_SURE = 2
@@ -407,12 +415,11 @@ class Beside(Closing):
             return {
                 "id": id,
                 "why": why,
-                "to_come": self._to_come(None),
-                "at_least": sum(self._needed),
+                **self._forecast(None),
                 "ready": True,
             }
         ready = outlook.ready  # read first: whatever is there by then stays
-        to_come = self._to_come(outlook.to_come)
+        forecast = self._forecast(outlook.to_come)
         why = [*outlook.why]
         if not outlook.counted:
             why = [_CHECK]
@@ -421,10 +428,17 @@ class Beside(Closing):
         return {
             "id": id,
             "why": why,
-            "to_come": to_come,
-            "at_least": sum(self._needed),
+            **forecast,
             "ready": ready,
         }
+
+    def _forecast(self, played: tuple[int, int] | None) -> dict[str, Any]:
+        """Return the parts of a reply on the number of questions to come."""
+        to_come, least = self._to_come(played), sum(self._needed)
+        said = ""
+        if to_come is None and self._subject.least:
+            said = f"{_FEWEST.format(n=least)} {_AFTER_THESE}" if least else _NO_FORECAST
+        return {"to_come": to_come, "at_least": least, "forecast": said}
 
     def _with_checks(self, number: int) -> int:
         """Return the number of questions to come, with checks, if so many are no checks."""

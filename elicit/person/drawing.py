@@ -15,7 +15,7 @@ from elicit.model.query import Verdict
 from elicit.person.asker import Compares, Supposed
 from elicit.person.course.choices import Choices
 from elicit.person.course.conclusion import Conclusion, in_unit, no_more, per_hundred
-from elicit.person.course.conduct import choice_of, was_settled
+from elicit.person.course.conduct import Conduct, choice_of, was_settled
 from elicit.person.course.counts import Counts, in_answers, numbered
 from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
@@ -73,12 +73,19 @@ class Drawing:
             "purpose": printable(words.purpose),
             "before": "" if loss is None else printable(self._before(loss)),
             "source": printable(self._subject.source),
-            "least": self._subject.least,
+            "least": self._least(),
             "budgets": [
                 {"minutes": minutes, "questions": Pace.of(self._session.log).questions_in(minutes)}
                 for minutes in MINUTES
             ],
         }
+
+    def _least(self) -> int:
+        """Return the fewest questions before a result is called settled, checks among them."""
+        question = self._session.question()
+        if question is None or not self._subject.least:
+            return 0
+        return 1 + sum(self._questions.still_needed(self._session.conduct(), question.id))
 
     def in_prospect(self, found: Prospect) -> str:
         """Return a sentence on what a number of questions is likely to prove."""
@@ -334,14 +341,11 @@ class Drawing:
         known = asker.comparator if isinstance(asker, Compares) else None
         found = self._concluded()
         conduct = session.conduct()
-        over = session.question() is None
-        # who asked for more after the last question may stop at any time
-        enough = over or (self._chosen.more and conduct.with_verdict >= subject.least)
-        enough = enough and (conduct.passed or not conduct.differed)
+        over, enough = session.question() is None, self._is_enough(conduct)
         may_add = bool(subject.least) and session.makes_askers
         addable = may_add and self._questions.about_a_level() is not None
         left = (not over and not open_still) or addable
-        caution = conduct.caution(at_end=True) if subject.least else None
+        caution = self._caution(conduct)
         headline, said = found.headline, [*found.statements]
         after = f"{found.next} {found.more if left else ''}".strip()
         start = self._questions.at_start() if found.headline else None
@@ -430,6 +434,24 @@ class Drawing:
             "checks": counts.checks,
             "conflicts": self._conflicts(),
         }
+
+    def is_settled(self) -> bool:
+        """Return ``settled`` of the screen at the end, without drawing the rest of it."""
+        conduct = self._session.conduct()
+        if self._caution(conduct) is not None or not self._is_enough(conduct):
+            return False
+        return self._concluded().settled
+
+    def _caution(self, conduct: Conduct) -> str | None:
+        """Return a sentence on why the answers say little, or None."""
+        return conduct.caution(at_end=True) if self._subject.least else None
+
+    def _is_enough(self, conduct: Conduct) -> bool:
+        """Return whether there are answers and checks enough to call a result settled."""
+        over = self._session.question() is None
+        # who asked for more after the last question may stop at any time
+        enough = over or (self._chosen.more and conduct.with_verdict >= self._subject.least)
+        return enough and (conduct.passed or not conduct.differed)
 
     def _remarks(self) -> list[str]:
         """Return a sentence on very fast answers and one on drift, each only if there is any."""

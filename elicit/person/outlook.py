@@ -37,6 +37,7 @@ _SECONDS_OF_PROSPECTS = 60.0  # time limit of all of them, except for a last ste
 # one question in so many is a check, which proves nothing new, and at least LEAST_CHECKS are
 _CHECKS = 5
 _NO_DIFFERENCE = 1e-12
+_WIDEN = "A range may widen after an answer that was not expected."
 
 
 @dataclass(eq=False)
@@ -259,7 +260,8 @@ def what_is_open(shown: Shown, comparator: Comparator) -> str | None:
         apiece = " each" if len(known) > 1 else ""
         sure = "" if share is None else f" (with {share:.0%} probability{apiece})"
         each = _listed([f"{labels[j]} is between {a} and {b}" for j, (a, b) in known.items()])
-        said.append(f"So far {each}{sure}, on the scale {scale}.")
+        widen = "" if share is None else f" {_WIDEN}"
+        said.append(f"So far {each}{sure}, on the scale {scale}.{widen}")
     if named:
         where = "on that scale" if known else scale.replace("from", "on the scale from", 1)
         said.insert(0, f"We don't yet know how good {_listed(named)} {_is(named)}, {where}.")

@@ -1,6 +1,8 @@
 """Messages that the page does not send change nothing."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -39,6 +41,28 @@ def test_what_is_no_message_is_refused(message: Any) -> None:
         with pytest.raises(ValueError, match="message"):
             interview.handle(message)
         assert interview.handle({"do": "state"}) == {**screen, "note": None}
+
+
+def test_the_docs_have_every_message_and_every_field_of_the_screens() -> None:
+    page = (Path(__file__).resolve().parents[3] / "docs/interview-messages.md").read_text("utf-8")
+    with (
+        Session(choosing, AnswerLog()) as session,
+        Interview(session, Subject(("x", "y", "z"))) as interview,
+    ):
+        with pytest.raises(ValueError, match="do") as refused:
+            interview.handle({"do": "dance"})
+        messages = re.search(r"one of (.*), and strings", str(refused.value))
+        assert messages
+        screen = interview.handle({"do": "state"})
+        named = {*messages[1].split(", "), *screen, *screen["welcome"]}
+        question = interview.handle({"do": "start"})["question"]
+        named |= {*question, *question["rows"][0]}
+        screen = interview.handle({"do": "practised", "choice": "a"})
+        named |= {*interview.handle({"do": "outlook", "id": screen["question"]["id"]})}
+        end = interview.handle({"do": "result"})["end"]
+        named |= {*end, *end["scale"][0], *interview.handle({"do": "prospects"})}
+        assert len(named) > 60
+        assert not [name for name in named if f"`{name}`" not in page]
 
 
 def test_a_choice_that_there_is_not_is_refused() -> None:

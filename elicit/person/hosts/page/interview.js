@@ -1,4 +1,4 @@
-// What a person sees of an interview, drawn into any element. elicit/person/interview.py says what the messages and the
+// What a person sees of an interview, drawn into any element. docs/interview-messages.md says what the messages and the
 // replies are. It imports nothing, and all that comes from a problem is set as text, never read as HTML.
 
 const UNTOUCHED = 250; // ms after something is drawn in which no button works: what still comes was meant for the last
@@ -366,7 +366,7 @@ export function mount(root, send, options = {}) {
   }
 
   const fewest = (least) =>
-    least ? `We ask at least ${least} questions, and some of them twice, before we call the result settled.` : "";
+    least ? `We ask at least ${least} questions, checks of earlier answers included, before we call the result settled.` : "";
 
   function question() {
     const asked = screen.question;
@@ -491,7 +491,7 @@ export function mount(root, send, options = {}) {
     why?.querySelectorAll("p").forEach((p) => p.remove());
     const said = beside.why.length || beside.ready ? beside.why : ["Still being worked out ..."];
     const lines = said.length ? said : ["Its answer tells most about what is still open."];
-    why?.append(...lines.map((line) => part("p", "", {}, [line])));
+    why?.append(...[...lines, beside.forecast].filter(Boolean).map((line) => part("p", "", {}, [line])));
   }
 
   // What came in beside a conflict: what each choice would leave.
@@ -500,6 +500,7 @@ export function mount(root, send, options = {}) {
   }
 
   // What came in beside the welcome: what each budget will likely prove.
+  let looked = false;
   function drawProspects({ budgets, settled, ready }) {
     const places = [...body.querySelectorAll(".likely")];
     const none = ready ? "" : places.length ? "Working out what this will likely prove\u00a0..." : "";
@@ -508,6 +509,9 @@ export function mount(root, send, options = {}) {
     }
     const simulated = body.querySelector(".simulated");
     const nothing = ready && !budgets.length && !settled ? UNFORESEEN : "";
+    // at the first look no place was kept yet, later it stays, so that Start does not move
+    if (nothing && !looked) body.querySelector(".form")?.classList.add("unforeseen");
+    looked = true;
     if (simulated) say(simulated, budgets.length ? SIMULATED : nothing);
   }
 
