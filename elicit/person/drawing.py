@@ -91,11 +91,11 @@ class Drawing:
         """Return a sentence on what a number of questions is likely to prove."""
         n = found.sessions
         if found.settled == n:
-            return f"Settled in all {n} simulated sessions."
-        said = f"Settled in {found.settled} of {n} simulated sessions."
+            return f"Settled in all {n} simulations."
+        said = f"Settled in {found.settled} of {n} simulations."
         if 2 * found.settled > n or math.isnan(found.loss):
             return said
-        return f"{said} Half of all {n} could still fall {per_hundred(found.loss)} short."
+        return f"{said} Half of all {n} could fall {per_hundred(found.loss)} short."
 
     def _before(self, loss: float) -> str:
         """Return a sentence on the loss that was possible before the first answer."""

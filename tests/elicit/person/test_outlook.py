@@ -235,8 +235,8 @@ class OfLength:
         return SimpleNamespace(loss_bound=max(0.0, most - 0.02 * len(self._said)))
 
 
-ALL = "Settled in all 12 simulated sessions."
-OPEN = "Settled in {} of 12 simulated sessions. Half of all 12 could still fall {} in 100 short."
+ALL = "Settled in all 12 simulations."
+OPEN = "Settled in {} of 12 simulations. Half of all 12 could fall {} in 100 short."
 LENGTH = "Half of the simulated sessions took at most {} questions, about {} minutes."
 
 

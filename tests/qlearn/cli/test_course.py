@@ -611,7 +611,7 @@ def test_the_welcome_says_what_each_budget_will_likely_prove() -> None:
             assert time.monotonic() < until
             time.sleep(0.05)
         assert len(found["budgets"]) == 3
-        assert all(re.match("Settled in .* simulated sessions", said) for said in found["budgets"])
+        assert all(re.match(r"Settled in .* simulations\.", said) for said in found["budgets"])
         assert re.fullmatch(
             r"Half of the simulated sessions took at most \d+ questions, about \d+ minutes?\.",
             found["settled"],

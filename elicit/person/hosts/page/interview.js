@@ -333,7 +333,8 @@ export function mount(root, send, options = {}) {
     const radios = choices.map(([value, words, label], i) => {
       const input = part("input", "", { type: "radio", name: "elicit-budget", value });
       input.checked = i === choices.length - 1;
-      const likely = part("span", "soft likely");
+      const longest = value ? LONGEST : LONGEST_LENGTH;
+      const likely = part("span", "soft likely", {}, [part("span", "", { "aria-hidden": "true" }, [longest]), part("span")]);
       const said = part("span", "", {}, [part("b", "", {}, [words]), " ", part("span", "soft", {}, [label])]);
       return part("label", "choice", {}, [input, said, likely]);
     });
@@ -502,7 +503,7 @@ export function mount(root, send, options = {}) {
   // What came in beside the welcome: what each budget will likely prove.
   let looked = false;
   function drawProspects({ budgets, settled, ready }) {
-    const places = [...body.querySelectorAll(".likely")];
+    const places = [...body.querySelectorAll(".likely > :last-child")];
     const none = ready ? "" : places.length ? "Working out what this will likely prove\u00a0..." : "";
     for (const [i, place] of places.entries()) {
       say(place, i === places.length - 1 ? settled : budgets[i] || none);
@@ -751,6 +752,8 @@ const RESULT = { words: "Working out your result ...", after: 50 };
 const PREPARING = "This takes a few seconds. The first start on a computer compiles, which takes up to two minutes.";
 const TRY = "Practice question: your answer is not saved.";
 const BARS = "These numbers are too large to draw circles, so the length of a bar shows how many.";
+const LONGEST = "Settled in 10 of 12 simulations. Half of all 12 could fall 0.0055 in 100 short.";
+const LONGEST_LENGTH = "Half of the simulated sessions took at most 55 questions, about 20 minutes.";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
 const UNFORESEEN = "How far each choice of time gets cannot be foreseen here. You will see it as you go.";
 const GIVEN = "It was given when the program was started.";
