@@ -42,7 +42,7 @@ _FURTHER = "This question makes sure that the result does not depend on too few 
 _FEWEST = (
     "“At least {n} more” are the answers and checks without which no result is called settled."
 )
-_AFTER_THESE = "How many follow depends on what you answer, and cannot be said yet."
+_AFTER_THESE = "How many follow after them depends on what you answer, and cannot be said yet."
 _NO_FORECAST = (
     "How many more questions follow depends on what you answer, and cannot be said yet. You can "
     "finish at any time."

@@ -429,7 +429,8 @@ export function mount(root, send, options = {}) {
     const unsure = button("alt", "I cannot tell", () => answer("cannot tell", "cannot tell"), "?", "?");
     equal.dataset.choice = "equal";
     unsure.dataset.choice = "cannot tell";
-    return part("div", "mid", { role: "group", "aria-label": "Other answers" }, [equal, unsure, undoing()]);
+    const back = screen.may_practise ? [] : [undoing()]; // there is a button that tries again in its place
+    return part("div", "mid", { role: "group", "aria-label": "Other answers" }, [equal, unsure, ...back]);
   }
 
   function undoing() {
