@@ -108,6 +108,24 @@ def test_the_practice_question_can_be_tried_again_until_another_is_answered() ->
         assert interview.handle({"do": "practise"})["stage"] == "question"
 
 
+@pytest.mark.parametrize(("audit", "fewest"), [(0.1, 8), (0.0, 5)])
+def test_the_welcome_and_the_first_question_count_the_fewest_questions_alike(
+    audit: float, fewest: int
+) -> None:
+    with (
+        Session(choosing, AnswerLog(), audit=audit) as session,
+        Interview(session, Subject(("x", "y", "z"))) as interview,
+    ):
+        least = interview.handle({"do": "state"})["welcome"]["least"]
+        interview.handle({"do": "start"})
+        screen = interview.handle({"do": "practised", "choice": "a"})
+        reply = interview.handle({"do": "outlook", "id": screen["question"]["id"]})
+        assert least == 1 + reply["at_least"]
+        assert least >= fewest
+        said = reply["forecast"]
+        assert said == "" if reply["to_come"] else f"“At least {least - 1} more” are the" in said
+
+
 def test_an_asker_that_was_given_ends_with_its_last_question() -> None:
     with (
         Session(choosing(()), AnswerLog()) as session,
