@@ -411,7 +411,10 @@ def test_a_plan_is_said_before_the_first_question_and_ends_the_session(
     assert "You planned 2 questions, and answered 2." in said
     assert "This is the result so far. More could be asked." in said
     assert re.search(r"It could still fall \S+ in 100 short of your ideal plan\.", said)
-    assert "At most, your plan falls short of your ideal plan by as much value as " in said
+    assert (
+        "At most (with 95% probability), your plan falls short of your ideal plan by as much value as "
+        in said
+    )
     code, shown, _ = taught("a\n" * 2 + "q\n", monkeypatch, capsys, *options, "--log", log)
     assert "You planned 4 questions, and answered 4." in " ".join(shown.split())
     with pytest.raises(SystemExit):
@@ -676,7 +679,9 @@ def test_icu_sepsis_is_asked_about_patients(
     code, shown, _ = taught("a\n", monkeypatch, capsys)
     assert code == 0
     assert shown.startswith("ICU-Sepsis\nThe patients are alike at the start.")
-    assert "Question 1\n\nTwo groups of 10 patients: which is better off?" in shown
+    assert (
+        "Question 1 (at least 8 more)\n\nTwo groups of 10 patients: which is better off?" in shown
+    )
     assert icu_sepsis().labels[0] in shown
 
 
@@ -781,7 +786,10 @@ def test_a_family_is_taught_in_its_own_words_and_a_seed_draws_it(
     assert "Two groups of 10 years" in shown
     said = " ".join(report(shown).split())
     assert "in 100 of your ideal plan. This holds " in said
-    assert "At most, your plan falls short of your ideal plan by as much value " in said
+    assert (
+        "At most (with 95% probability), your plan falls short of your ideal plan by as much value "
+        in said
+    )
 
 
 def test_two_people_in_one_folder_have_a_log_each(
