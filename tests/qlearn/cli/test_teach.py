@@ -412,8 +412,8 @@ def test_a_plan_is_said_before_the_first_question_and_ends_the_session(
     assert "This is the result so far. More could be asked." in said
     assert re.search(r"It could still fall \S+ in 100 short of your ideal plan\.", said)
     assert (
-        "At most (with 95% probability), your plan falls short of your ideal plan by as much value as "
-        in said
+        "At most (with 95% probability), your plan falls short of your ideal plan by as much value "
+        "as " in said
     )
     code, shown, _ = taught("a\n" * 2 + "q\n", monkeypatch, capsys, *options, "--log", log)
     assert "You planned 4 questions, and answered 4." in " ".join(shown.split())
