@@ -482,7 +482,8 @@ class Interview(Closing):
         # a result of a large model takes a second: mostly it was computed beside the last question
         near = self._beside.near()
         if near or (near is None and n % _UNKNOWN_NEAR == 0):
-            nearly = self._questions.nearly(conduct)
+            known = self._beside.result_of(self._session.current_asker())
+            nearly = self._questions.nearly(conduct, known)
             asks_on = self._session.question() is not None and not self._questions.only_checks()
             if nearly is not None and asks_on:
                 return offers.after_little_loss(nearly)

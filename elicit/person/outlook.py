@@ -96,10 +96,14 @@ class Outlook:
     ) -> None:
         self.loss: float | None = None
         """What the result could lose, a share of the value range; None if unknown."""
+        self.result: Any = None
+        """The twin's result; None until it is computed."""
         self.near: bool | None = None
         """True if little could be lost by stopping; None if that is not known."""
         self.is_near: Callable[[Any], bool] | None = None
         """Takes ``twin.result()``, and returns ``near``. It is set before ``steps``, if at all."""
+        self.if_near: Callable[[], Iterator[None]] = lambda: iter(())
+        """Returns steps to go through if ``near``. It is set before ``steps``, if at all."""
         self.stated = Stated()
         """The loss that was last stated to the person. It is set before ``steps``."""
         self.why: tuple[str, ...] = ()
@@ -145,7 +149,7 @@ class Outlook:
             sentence = what_is_open(self._shown, known)
             self.why = () if sentence is None else (sentence,)
             yield
-        result = copy.deepcopy(self._twin).result()
+        self.result = result = copy.deepcopy(self._twin).result()
         stakes = self._stakes(result)
         if stakes is not None:
             self.loss = _stated_loss(result)
@@ -156,6 +160,8 @@ class Outlook:
         if self.is_near is not None:
             self.near = self.is_near(result)
             yield
+            if self.near:
+                yield from self.if_near()
         for play in self._all_plays(known):
             while not play.over and time.monotonic() < until:
                 self._go_on(play)
