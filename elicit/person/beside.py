@@ -26,6 +26,7 @@ from elicit.person.course.conduct import AGAIN, LEAST_CHECKS, ORDER, Conduct
 from elicit.person.course.consequences import Consequences
 from elicit.person.course.forecast import QuestionsLeft, Stated
 from elicit.person.course.level_questions import LEVEL, questions_left
+from elicit.person.course.offers import nearly_from
 from elicit.person.course.pace import Pace
 from elicit.person.drawing import MINUTES, Drawing
 from elicit.person.outlook import Outlook, Prospects
@@ -39,9 +40,18 @@ _CHECK = (
 )
 _ORDER = "This question checks that you see the levels in the order in which they are listed."
 _FURTHER = "This question makes sure that the result does not depend on too few answers."
+_FEWEST = (
+    "“At least {n} more” are the answers and checks without which no result is called settled."
+)
+_AFTER_THESE = "How many follow after them depends on what you answer, and cannot be said yet."
+_NO_FORECAST = (
+    "How many more questions follow depends on what you answer, and cannot be said yet. You can "
+    "finish at any time."
+)
 # a choice is mostly sure after the fewest questions about levels, and so many more. With a CSV of
 # four levels 15 of 16 simulated sessions ended within the range said at their first question
 _UNTIL_SURE = 2
+_CLEAR = (Verdict.BETTER, Verdict.WORSE)
 _LIKELY_FIRST = (Verdict.BETTER, Verdict.WORSE, Verdict.EQUAL, None)
 
 
@@ -70,6 +80,11 @@ class LookAhead:
         self.asker, self.query = asker, query
         self._twin, self._swapped, self._who = twin, swapped, who
         self._ahead = MadeAhead[Verdict | None, AfterAnswer]()
+        self._copies: list[tuple[Asker, Asker]] = []  # an asker that was made, and a copy of it
+        self.wants_results = False
+        """True if ``results`` will be gone through. It is set before ``steps``."""
+        self.found: tuple[tuple[Asker, Any], ...] = ()
+        """Askers after an answer, each with its result."""
 
     def steps(self) -> Iterator[None]:
         """Compute the asker after a possible answer in each step. A step that fails is left out."""
@@ -82,7 +97,17 @@ class LookAhead:
         answer = Answer(self.query, verdict, self._swapped, self._who)
         found = AfterAnswer(asker, tell(asker, answer))
         asker.ask()
+        if self.wants_results and verdict in _CLEAR:
+            # it is copied here, because later the session goes on with the asker
+            self._copies.append((asker, copy.deepcopy(asker)))
         return found
+
+    def results(self) -> Iterator[None]:
+        """Compute the result after each answer that says which side is better, in a step each."""
+        while self._copies:
+            asker, same = self._copies.pop(0)
+            self.found = (*self.found, (asker, same.result()))
+            yield
 
     def waits_for(self, asker: Asker, query: Query) -> bool:
         """Return whether this object was made for this query of this asker."""
@@ -209,6 +234,7 @@ class Beside(Closing):
         self._left = QuestionsLeft()
         self._stated = Stated()
         self._near: bool | None = None  # at the last question that has notes
+        self._results: tuple[tuple[Asker, Any], ...] = ()  # after the last answer
         # questions about levels, this one included, after "ask me more" or until it is enough
         self._levels_left: tuple[int, int] | None = None
         self._no_others = False  # but those that are needed
@@ -355,6 +381,8 @@ class Beside(Closing):
             twin, shown, pending, subject.stakes, self._ends, subject.seed, before, since, counted
         )
         outlook.stated, outlook.is_near = self._stated, near
+        if ahead is not None and conduct.put + 1 >= nearly_from(self._chosen.offered):
+            ahead.wants_results, outlook.if_near = True, ahead.results
         self._beside = _Computed(shown.id, asker, ahead, outlook)
         looks = () if ahead is None else ahead.steps()
         self._background.start(chain(instead, looks, outlook.steps()))
@@ -363,6 +391,14 @@ class Beside(Closing):
         """Return whether little could be lost by stopping at the last question; None if unknown."""
         outlook = None if self._beside is None else self._beside.outlook
         return self._near if outlook is None else outlook.near
+
+    def result_of(self, asker: Asker) -> Any:
+        """Return the asker's result if it was computed before the last answer, otherwise None."""
+        now = self._beside
+        untold = not self._since and self._session.makes_askers
+        if untold and now is not None and now.outlook is not None and now.asker is asker:
+            return now.outlook.result  # a check was answered, which the asker is not told
+        return next((result for one, result in self._results if one is asker), None)
 
     def _note(self, now: _Computed | None) -> None:
         """Keep two results of the last question before its other results are replaced.
@@ -382,6 +418,7 @@ class Beside(Closing):
         """Return the asker after an answer if it was made ahead, and stop other computations."""
         ahead = None if self._beside is None else self._beside.ahead
         found = None if ahead is None else ahead.told(asker, answer)
+        self._results = () if ahead is None else ahead.found
         self._background.stop()
         self._since.append(answer.verdict)
         return found
@@ -419,12 +456,11 @@ class Beside(Closing):
             return {
                 "id": id,
                 "why": why,
-                "to_come": self._to_come(None),
-                "at_least": sum(self._needed),
+                **self._forecast(None),
                 "ready": True,
             }
         ready = outlook.ready  # read first: whatever is there by then stays
-        to_come = self._to_come(outlook.to_come)
+        forecast = self._forecast(outlook.to_come)
         why = [*outlook.why]
         if not outlook.counted:
             why = [_CHECK]
@@ -433,10 +469,17 @@ class Beside(Closing):
         return {
             "id": id,
             "why": why,
-            "to_come": to_come,
-            "at_least": sum(self._needed),
+            **forecast,
             "ready": ready,
         }
+
+    def _forecast(self, played: tuple[int, int] | None) -> dict[str, Any]:
+        """Return the parts of a reply on the number of questions to come."""
+        to_come, least = self._to_come(played), sum(self._needed)
+        said = ""
+        if to_come is None and self._subject.least:
+            said = f"{_FEWEST.format(n=least)} {_AFTER_THESE}" if least else _NO_FORECAST
+        return {"to_come": to_come, "at_least": least, "forecast": said}
 
     def _with_checks(self, number: int) -> int:
         """Return the number of questions to come: this number, and the checks that come with it."""

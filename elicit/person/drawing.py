@@ -10,11 +10,12 @@ from datetime import UTC, datetime
 from typing import Any
 
 from elicit._support.distribution import version
+from elicit.model.comparator_parts import trusted_share
 from elicit.model.query import Verdict
 from elicit.person.asker import Compares, Supposed
 from elicit.person.course.choices import Choices
-from elicit.person.course.conclusion import Conclusion, in_unit, per_hundred
-from elicit.person.course.conduct import choice_of, was_settled
+from elicit.person.course.conclusion import Conclusion, in_unit, no_more, per_hundred
+from elicit.person.course.conduct import Conduct, choice_of, was_settled
 from elicit.person.course.counts import Counts, in_answers, numbered
 from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
@@ -72,30 +73,39 @@ class Drawing:
             "purpose": printable(words.purpose),
             "before": "" if loss is None else printable(self._before(loss)),
             "source": printable(self._subject.source),
-            "least": self._subject.least,
+            "least": self._least(),
             "budgets": [
                 {"minutes": minutes, "questions": Pace.of(self._session.log).questions_in(minutes)}
                 for minutes in MINUTES
             ],
         }
 
+    def _least(self) -> int:
+        """Return the fewest questions before a result is called settled, checks among them."""
+        question = self._session.question()
+        if question is None or not self._subject.least:
+            return 0
+        return 1 + sum(self._questions.still_needed(self._session.conduct(), question.id))
+
     def in_prospect(self, found: Prospect) -> str:
         """Return a sentence on what a number of questions is likely to prove."""
         n = found.sessions
         if found.settled == n:
-            return f"Settled in all {n} simulated sessions."
-        said = f"Settled in {found.settled} of {n} simulated sessions."
+            return f"Settled in all {n} simulations."
+        said = f"Settled in {found.settled} of {n} simulations."
         if 2 * found.settled > n or math.isnan(found.loss):
             return said
-        return f"{said} Half of all {n} could still fall {per_hundred(found.loss)} short."
+        return f"{said} Half of all {n} could fall {per_hundred(found.loss)} short."
 
     def _before(self, loss: float) -> str:
         """Return a sentence on the loss that was possible before the first answer."""
         words = self._subject.words
         most = in_unit(loss, words.unit, self._subject.labels, words.loss)
+        asker = self._session.current_asker()
+        level = trusted_share(asker.comparator) if isinstance(asker, Compares) else None
         return (
             f"Without your answers the result could fall {per_hundred(loss)} short of your ideal "
-            f"one. That is {most}."
+            f"one{no_more(level)}. That is {most}."
         )
 
     def _conflicts_found(self) -> tuple[tuple[Entry, ...], ...]:
@@ -332,14 +342,11 @@ class Drawing:
         known = asker.comparator if isinstance(asker, Compares) else None
         found = self._concluded()
         conduct = session.conduct()
-        over = session.question() is None
-        # who asked for more after the last question may stop at any time
-        enough = over or (self._chosen.more and conduct.with_verdict >= subject.least)
-        enough = enough and (conduct.passed or not conduct.differed)
+        over, enough = session.question() is None, self._is_enough(conduct)
         may_add = bool(subject.least) and session.makes_askers
         addable = may_add and self._questions.about_a_level() is not None
         left = (not over and not open_still) or addable
-        caution = conduct.caution(at_end=True) if subject.least else None
+        caution = self._caution(conduct)
         headline, said = found.headline, [*found.statements]
         after = f"{found.next} {found.more if left else ''}".strip()
         start = self._questions.at_start() if found.headline else None
@@ -428,6 +435,24 @@ class Drawing:
             "checks": counts.checks,
             "conflicts": self._conflicts(),
         }
+
+    def is_settled(self) -> bool:
+        """Return ``settled`` of the screen at the end, without drawing the rest of it."""
+        conduct = self._session.conduct()
+        if self._caution(conduct) is not None or not self._is_enough(conduct):
+            return False
+        return self._concluded().settled
+
+    def _caution(self, conduct: Conduct) -> str | None:
+        """Return a sentence on why the answers say little, or None."""
+        return conduct.caution(at_end=True) if self._subject.least else None
+
+    def _is_enough(self, conduct: Conduct) -> bool:
+        """Return whether there are answers and checks enough to call a result settled."""
+        over = self._session.question() is None
+        # who asked for more after the last question may stop at any time
+        enough = over or (self._chosen.more and conduct.with_verdict >= self._subject.least)
+        return enough and (conduct.passed or not conduct.differed)
 
     def _remarks(self) -> list[str]:
         """Return a sentence on very fast answers and one on drift, each only if there is any."""

@@ -4,115 +4,12 @@ A host, such as a page or a widget, sends messages and draws the replies. Both a
 one front end (``page/interview.js``) serves all of them. An ``Interview`` may be used by several
 threads, windows and people at once: one message is taken at a time, and an answer counts once.
 
-Every message is ``{"do": ...}``, and its other parts are strings. The reply to each of these is the
-screen to be drawn now:
-
-``state``
-    Nothing else.
-``start``
-    The person leaves the welcome, perhaps with ``who``, and ``budget`` (a number of questions) or
-    ``minutes``.
-``practised``
-    The practice question was answered, with ``choice``.
-``answer``
-    ``id`` of the question; ``choice``: "a", "b", "equal" or "cannot tell".
-``undo``
-    ``id`` of the answer that is taken back. It must be the last one, otherwise nothing happens.
-``withdraw``
-    ``id`` of an answer that is taken back, whichever it is.
-``settle``
-    ``id`` of a conflict; ``choice``, one of the conflict's.
-``choose``
-    ``option`` of an offer.
-``finish``
-    The person wants the result now.
-``more``
-    The person wants to go on after the end.
-``result``
-    Nothing else. The reply is the screen at the end, also if a question or a conflict waits.
-    Nothing changes.
-
-The other replies are:
-
-``outlook``
-    ``id`` of the question, for the notes beside it. The reply has ``why`` (sentences), ``to_come``
-    ([least, most], the number of questions after this one, or null), ``at_least`` (how many must
-    come) and ``ready`` (true if nothing
-    will be added; until then ask again).
-``prospects``
-    What each budget of the welcome will likely prove. The reply has ``budgets`` (sentences, in the
-    order of the welcome's), ``settled`` (a sentence on how long it takes until nothing is left to
-    ask, or "") and ``ready`` (as of ``outlook``). It is empty as long as nothing is known.
-``consequences``
-    ``id`` of a conflict. The reply has ``choices`` (for each choice of it a sentence on what would
-    be left, as far as computed) and ``ready`` (as of ``outlook``).
-``answers``
-    The reply has ``answers``, oldest first, each with ``id``, ``number`` (its question's, which
-    stays the same whatever is taken back), ``sentence``, ``shown`` (both sides in words),
-    ``verdict``, ``time``, ``withdrawn``, ``replaced`` (true if the person has settled a difference
-    since), ``used`` and ``repeat``, and ``conflicts``, lists of ids.
-``report``
-    The reply has ``html``, a page to keep, and ``name`` for its file.
-``download``
-    ``what``: "scale", "plan" or "answers"; ``format``: "csv" or "json". The reply has ``text``,
-    ``type`` and ``name``.
-
-A screen has these fields:
-
-``title``, ``preamble``, ``note_beside``
-    Texts. The last is for every result, such as a disclaimer.
-``legend``
-    ``duration`` (a sentence, or "") and ``levels``, best first, each with ``label``, ``level`` (0
-    the worst) and ``meaning``.
-``stage``
-    "welcome", "practice", "question", "conflict", "offer" or "end".
-``answered``
-    Number of questions answered, repeated ones among them, without answers that were taken back.
-``open_conflicts``
-    Number of answers that contradict others.
-``budget``
-    Number of questions that the person planned, or null. If they said how many minutes they have,
-    it is the number that fits into these at their pace.
-``time``
-    ``planned`` (minutes, or null), ``spent`` (seconds, without breaks) and ``pace`` (seconds a
-    question).
-``last``
-    ``id`` and ``sentence`` of the answer that undo takes back, or null.
-``note``
-    A remark to the person on the last message, or null.
-``welcome``, ``question``, ``conflict``, ``offer``, ``end``
-    Null but at their stage. The practice has a question too.
-
-The welcome has ``who`` (the name of the person, if it is known already, or ""), ``before`` (a
-sentence on what could be lost without an answer, or ""), ``purpose``, ``source`` (a sentence on
-where the figures come from, or ""),
-``compare``, ``least`` (the fewest answers before it can be finished) and ``budgets``, each with
-``minutes`` and ``questions``.
-
-A question has ``id``, ``number``, ``heading``, ``sentences``, ``sides`` (the names of A and B),
-``of``, ``unit``, ``levels`` (k), ``labels``, ``icons`` (true if the counts of the rows are small
-enough to be drawn one by one), ``check`` (a sentence on why it comes although its answer was given,
-or follows from others, or "") and ``rows``, best level first. Each row has ``label``, ``level`` (0
-the worst), ``a`` and ``b``. A question that was put before keeps its ``number``.
-
-A conflict has ``id``, ``heading``, ``text``, ``answers`` (each with ``number``, ``sentence``,
-``chosen`` and ``question``, which is drawn as it was shown) and ``choices``, each with ``choice``
-and ``label``. An offer has ``heading``, ``text`` and ``options``, each with ``option`` and
-``label``.
-
-The end has ``headline``, ``size``, ``sure``, ``next``, ``before`` (texts), ``status`` (the state of
-the result in a few words), ``caution`` (a sentence on why the answers say little, or null),
-``remarks`` (sentences on answers that came very fast, and on repeats that differ more often in one
-half of the session), ``settled``, ``finished`` (false if a question waits), ``more`` (true if
-something is left to ask), ``open`` (the reason why there is no question though more could be asked,
-or null), ``scale`` (rows, best level first: ``label``, ``value``, ``low``, ``high``, from 0 to 100,
-``asked``, false for a level that no answer is about, and ``known``, false if the best guess is not
-to be shown), ``scale_notes`` (sentences that go with it), ``certainty`` (of the intervals),
-``by_chance`` (a sentence on how often answers by chance would do as well in the checks, or ""),
-``statements``, ``changes`` and ``plan`` (tables: ``title``, ``note``, ``columns``, ``rows``, or
-null), ``downloads`` (each with ``what`` and ``name``), ``facts`` (pairs), ``limits``, ``counts``
-and ``conflicts`` (lists of ``id``, ``number`` and ``sentence``). ``counts`` has the numbers of
-``Counts``, and ``given`` and ``checks`` say them in sentences.
+Every message is ``{"do": ...}``, and its other parts are strings. Most replies are the screen to be
+drawn now. Its ``stage`` is "welcome", "practice", "question", "conflict", "offer" or "end", and the
+field of that name has what belongs to it alone (the practice has a ``question``). ``outlook``,
+``prospects`` and ``consequences`` read what is computed beside a screen: their replies have
+``ready``, and until it is true the host asks again. The page docs/interview-messages.md lists all
+messages, and every field of the replies.
 """
 
 from __future__ import annotations
@@ -195,7 +92,7 @@ class Progress:
 
 
 class Interview(Closing):
-    """A session as screens and messages, which the module describes.
+    """A session as screens and messages.
 
     While the person reads, a thread computes the next question after each possible answer.
     ``close``, or leaving the Interview as a context manager, ends it. The session stays open.
@@ -220,6 +117,7 @@ class Interview(Closing):
         self._lock = threading.RLock()
         self._over: str | None = None  # the note of an interview that takes no more answers
         self._started = self._practised = bool(session.log.standing)
+        self._slipped = False  # at the practice question
         self._put: str | None = None  # id of the query that was logged last as shown
         self.shown: Shown | None = None
         """The question of the last screen, for hosts that draw it themselves; None if it has
@@ -235,7 +133,8 @@ class Interview(Closing):
         self._does: dict[str, Callable[..., dict[str, Any]]] = {
             "state": lambda: self._screen(),
             "start": self._begin,
-            "practised": self._practise,
+            "practised": self._after_practice,
+            "practise": self._practise,
             "answer": self._answer,
             "undo": self._undo,
             "withdraw": self._withdraw,
@@ -260,7 +159,7 @@ class Interview(Closing):
         Parameters
         ----------
         message : mapping
-            As the module describes it.
+            As docs/interview-messages.md describes it.
 
         Returns
         -------
@@ -462,6 +361,7 @@ class Interview(Closing):
             "time": {"planned": self._chosen.minutes, "spent": pace.spent, "pace": pace.seconds},
             "last": said,
             "note": note,
+            "may_practise": self._slipped and self._practised and not standing,
             "welcome": None,
             "question": None,
             "conflict": None,
@@ -505,7 +405,14 @@ class Interview(Closing):
         self._chosen.budget, self._chosen.minutes = _number(budget), _number(minutes)
         return self._screen()
 
-    def _practise(self, choice: str) -> dict[str, Any]:
+    def _practise(self) -> dict[str, Any]:
+        """Return to the practice question, unless another one was answered."""
+        if self._slipped and not self._session.log.standing:
+            self._practised = self._slipped = False
+            self._beside.forget()
+        return self._screen()
+
+    def _after_practice(self, choice: str) -> dict[str, Any]:
         self._started = self._practised = True
         shown = practice(
             self._subject.labels, self._subject.words, self._subject.of, self._subject.seed
@@ -513,7 +420,8 @@ class Interview(Closing):
         obvious = "b" if shown.swapped else "a"
         if self._session.question() is None:
             return self._screen()
-        if choice == obvious:
+        self._slipped = choice != obvious
+        if not self._slipped:
             return self._screen("Right. Now the real questions.")
         worst, best = (printable(self._subject.labels[i]) for i in (0, -1))
         slip = ""
@@ -521,7 +429,7 @@ class Interview(Closing):
             slip = f"Everyone in {choice.upper()} is “{worst}”: perhaps that was a slip. "
         return self._screen(
             f"Most people choose {obvious.upper()}, because everyone in it is “{best}”. {slip}"
-            "Now the real questions."
+            "You can try again, or go on: this is the first real question."
         )
 
     def _answer(self, id: str, choice: str) -> dict[str, Any]:
@@ -578,7 +486,8 @@ class Interview(Closing):
         # a result of a large model takes a second: mostly it was computed beside the last question
         near = self._beside.near()
         if near or (near is None and n % _UNKNOWN_NEAR == 0):
-            nearly = self._questions.nearly(conduct)
+            known = self._beside.result_of(self._session.current_asker())
+            nearly = self._questions.nearly(conduct, known)
             asks_on = self._session.question() is not None and not self._questions.only_checks()
             if nearly is not None and asks_on:
                 return offers.after_little_loss(nearly)
@@ -656,7 +565,7 @@ class Interview(Closing):
         """
         if self.progress.settled or not self._chosen.more:
             return self.progress.settled
-        return bool(self._drawing.end(False)["settled"])
+        return self._drawing.is_settled()
 
     def _taken_back(self, said: str, id: str, before: bool) -> dict[str, Any]:
         """Return the screen after an answer was taken back, with a note on what became of it.
@@ -664,8 +573,8 @@ class Interview(Closing):
         ``before`` says whether the result was settled before that.
         """
         screen = self._screen()
-        end = screen["end"] or (self._drawing.end(False) if self._chosen.more else None)
-        now = end is not None and bool(end["settled"])
+        end = screen["end"]
+        now = self._chosen.more and self._drawing.is_settled() if end is None else end["settled"]
         became = {
             (True, True): " The result is still settled: the answers that stand suffice.",
             (True, False): " The result is no longer settled without it.",

@@ -23,7 +23,10 @@ _IMPLIED = (
     "Check question: your earlier answers already point to one side. A second look guards against "
     "errors."
 )
-_IMPLIED_BY_ONE = _IMPLIED.replace("answers already point", "answer already points")
+_IMPLIED_BY_ONE = (
+    "Check question: your earlier answer already points to one side. A second look guards against "
+    "errors."
+)
 _CHECK_TAKEN_BACK = (
     "This is the same check again, because you took back your answer to it. Your first answer to "
     "this question still stands. Choose as you see it now."

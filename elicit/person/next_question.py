@@ -91,14 +91,16 @@ class NextQuestion:
         further = max(0, self._subject.least - answers)
         return further, self._session.checks_left(id, further)
 
-    def nearly(self, conduct: Conduct) -> NearlyEnough | None:
+    def nearly(self, conduct: Conduct, result: Any = None) -> NearlyEnough | None:
         """Return a statement that little could be lost by stopping now, or None.
 
-        There is none without enough answers and checks, or if nothing is at stake.
+        There is none without enough answers and checks, or if nothing is at stake. ``result`` is
+        the session's, if it was computed already.
         """
         if not may_be_near(conduct, self._subject.least) or (start := self._staked()) is None:
             return None
-        return self._subject.nearly(self._session.result(), start.loss)
+        now = self._session.result() if result is None else result
+        return self._subject.nearly(now, start.loss)
 
     def nearness(self, conduct: Conduct) -> Callable[[Any], bool] | None:
         """Return a function that takes a result and says whether little could be lost by stopping.

@@ -37,6 +37,7 @@ _SECONDS_OF_PROSPECTS = 60.0  # time limit of all of them, except for a last ste
 # one question in so many is a check, which proves nothing new, and at least LEAST_CHECKS are
 _CHECKS = 5
 _NO_DIFFERENCE = 1e-12
+_WIDEN = "A range may widen after an answer that was not expected."
 
 
 @dataclass(eq=False)
@@ -95,10 +96,14 @@ class Outlook:
     ) -> None:
         self.loss: float | None = None
         """What the result could lose, a share of the value range; None if unknown."""
+        self.result: Any = None
+        """The twin's result; None until it is computed."""
         self.near: bool | None = None
         """True if little could be lost by stopping; None if that is not known."""
         self.is_near: Callable[[Any], bool] | None = None
         """Takes ``twin.result()``, and returns ``near``. It is set before ``steps``, if at all."""
+        self.if_near: Callable[[], Iterator[None]] = lambda: iter(())
+        """Returns steps to go through if ``near``. It is set before ``steps``, if at all."""
         self.stated = Stated()
         """The loss that was last stated to the person. It is set before ``steps``."""
         self.why: tuple[str, ...] = ()
@@ -144,7 +149,7 @@ class Outlook:
             sentence = what_is_open(self._shown, known)
             self.why = () if sentence is None else (sentence,)
             yield
-        result = copy.deepcopy(self._twin).result()
+        self.result = result = copy.deepcopy(self._twin).result()
         stakes = self._stakes(result)
         if stakes is not None:
             self.loss = _stated_loss(result)
@@ -155,6 +160,8 @@ class Outlook:
         if self.is_near is not None:
             self.near = self.is_near(result)
             yield
+            if self.near:
+                yield from self.if_near()
         for play in self._all_plays(known):
             while not play.over and time.monotonic() < until:
                 self._go_on(play)
@@ -259,7 +266,8 @@ def what_is_open(shown: Shown, comparator: Comparator) -> str | None:
         apiece = " each" if len(known) > 1 else ""
         sure = "" if share is None else f" (with {share:.0%} probability{apiece})"
         each = _listed([f"{labels[j]} is between {a} and {b}" for j, (a, b) in known.items()])
-        said.append(f"So far {each}{sure}, on the scale {scale}.")
+        widen = "" if share is None else f" {_WIDEN}"
+        said.append(f"So far {each}{sure}, on the scale {scale}.{widen}")
     if named:
         where = "on that scale" if known else scale.replace("from", "on the scale from", 1)
         said.insert(0, f"We don't yet know how good {_listed(named)} {_is(named)}, {where}.")

@@ -19,10 +19,12 @@ from elicit.model.outcomes import Status, assumed_of_answers
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats
 from elicit.person.course.conclusion import (
+    NO_LOSS,
     Conclusion,
     NearlyEnough,
     ResultTable,
     in_unit,
+    no_more,
     per_hundred,
 )
 from elicit.person.showing import Words, printable
@@ -56,6 +58,15 @@ class InWords:
     plan: str = "plan"
     legend: str = ""
     state_words: Callable[[str], str] = str
+
+    @property
+    def little(self) -> float:
+        """The share of the value range that counts as little.
+
+        Stopping is offered if no more can be lost, and alternatives that are worth so much less
+        than the best are named beside it.
+        """
+        return _LITTLE * self.tolerance
 
     def loss(self, share: float) -> str:
         """Return a loss in the problem's own unit, as a text that follows "it loses at most"."""
@@ -94,12 +105,13 @@ def policy_conclusion(
     unasked = (
         ""
         if before is None
-        else f"Before your first answer the plan could have fallen {per_hundred(before)} short."
+        else f"Before your first answer the plan could have fallen {per_hundred(before)} short"
+        f"{no_more(result.confidence)}."
     )
     differing = _differing(told, mdp, result)
     return Conclusion(
         headline=headline,
-        size=_size_and_end(told, bound, _SHORT),
+        size=_size_and_end(told, bound, _SHORT, result.confidence),
         sure=f"{_sure(result)} The ideal plan is the one for your exact values.",
         next=after,
         more=more,
@@ -112,10 +124,10 @@ def policy_conclusion(
     )
 
 
-_NEARLY = 0.03  # an alternative worth as much less than the best is named beside it
+_LITTLE = 4.0  # tolerances that count as little (see InWords.little)
+_OF_BEFORE = 2 / 3  # a loss is not little if it is a larger share of that before the first answer
 _MOST_UNFOLDED = 12  # alternatives up to which their table stands open on the screen
 _FEW_NAMED = 3  # alternatives that are named in a sentence
-_NO_LOSS = 1e-5  # a loss below it is shown as none
 _NARROW = 0.5  # width of a range, a share of the whole, up to which a best guess is said
 
 _SHORT = "your plan falls short of your ideal plan by"
@@ -125,28 +137,31 @@ _BETTER = "another alternative is better by"
 def _within(loss: float, so_far: bool = False) -> str:
     """Return a sentence on how close a plan comes to the ideal plan."""
     start = "So far " if so_far else ""
-    if loss < _NO_LOSS:
+    if loss < NO_LOSS:
         said = "no other plan can be better for you."
     else:
         plan = "your plan" if so_far else "it"
         said = f"{plan} comes within {per_hundred(loss)} of your ideal plan."
-    return f"{start}{said}" if so_far else f"{said[0].upper()}{said[1:]}"
+    return f"{start}{said}" if so_far else _capital(said)
 
 
-def _size(told: InWords, loss: float, what: str) -> str:
+def _size(told: InWords, loss: float, what: str, confidence: float) -> str:
     """Return sentences on how much a loss is, in the problem's own unit, or "" if unknown.
 
-    Nothing is said of a loss that rounds to nothing, because "as if 0 in 100 patients died" has no
-    size. ``what`` is the loss in words, between "At most," and its size.
+    Nothing is said of a loss that is shown as none, because "as if 0 in 100 patients died" has no
+    size. ``what`` is the loss in words, between "At most" and its size.
     """
-    if np.isnan(loss) or loss < _NO_LOSS:
+    if np.isnan(loss) or loss < NO_LOSS:
         return ""
-    return f"At most, {what} {told.loss(loss)}. This is a measure of size, not a forecast."
+    sure = f" (with {confidence:.0%} probability)" if 0.0 < confidence < 1.0 else ""
+    return f"At most{sure}, {what} {told.loss(loss)}. This is a measure of size, not a forecast."
 
 
-def _size_and_end(told: InWords, loss: float, what: str) -> str:
+def _size_and_end(told: InWords, loss: float, what: str, confidence: float) -> str:
     """Return ``_size`` and when questions end, which is beside the point if nothing can be lost."""
-    return "" if loss < _NO_LOSS else f"{_size(told, loss, what)} {_until(told)}".strip()
+    if loss < NO_LOSS:
+        return ""
+    return f"{_size(told, loss, what, confidence)} {_until(told)}".strip()
 
 
 def _until(told: InWords) -> str:
@@ -352,22 +367,17 @@ def policy_stakes(told: InWords, result: Result) -> str | None:
     """Return a sentence on what the policy learned so far can lose."""
     if np.isnan(result.loss_bound):
         return None
-    if result.loss_bound < _NO_LOSS:
+    if result.loss_bound < NO_LOSS:
         return _within(result.loss_bound, so_far=True)
     return (
-        f"So far the plan could fall {per_hundred(result.loss_bound)} short of your ideal plan. "
-        f"That is {told.loss(result.loss_bound)}. {_until(told)}"
+        f"So far the plan could fall {per_hundred(result.loss_bound)} short of your ideal plan"
+        f"{no_more(result.confidence)}. That is {told.loss(result.loss_bound)}. {_until(told)}"
     )
-
-
-_LITTLE = 4.0  # tolerances up to which a loss is little: stopping is then offered
-_OF_BEFORE = 2 / 3  # share of the loss before the first answer up to which a loss is little
 
 
 def _is_little(told: InWords, loss: float, before: float | None) -> bool:
     """Return whether so little can be lost that more questions may not be worth it."""
-    most = _LITTLE * told.tolerance
-    return loss <= (most if before is None else min(most, _OF_BEFORE * before))
+    return loss <= (told.little if before is None else min(told.little, _OF_BEFORE * before))
 
 
 def policy_nearly(told: InWords, result: Result, before: float | None) -> NearlyEnough | None:
@@ -379,7 +389,7 @@ def policy_nearly(told: InWords, result: Result, before: float | None) -> Nearly
         "Your plan is already close to your ideal plan",
         f"{sure} it falls at most {per_hundred(bound)} short of it. More questions can bring that "
         f"below {per_hundred(told.tolerance)}.",
-        _size(told, bound, _SHORT),
+        _size(told, bound, _SHORT, result.confidence),
     )
 
 
@@ -395,7 +405,7 @@ def choice_nearly(
         return None
     best, points = list(names).index(result.name), _points(shares, result)
     order = [i for i in np.argsort(-points, kind="stable").tolist() if i != best]
-    near = [best, *(i for i in order[:_FEW_NAMED] if points[best] - points[i] <= _NEARLY)]
+    near = [best, *(i for i in order[:_FEW_NAMED] if points[best] - points[i] <= told.little)]
     while True:
         apart = [shares[j] - shares[i] for i in near for j in range(len(names)) if j != i]
         high, confidence = simultaneous_bounds(result.comparator, np.array(apart))
@@ -406,19 +416,19 @@ def choice_nearly(
     sure = _with_certainty(result, confidence)
     if sure is None or not _is_little(told, loss, before):
         return None
-    size = _size(told, loss, _BETTER)
+    size = _size(told, loss, _BETTER, confidence)
     near.sort(key=lambda i: -points[i])
     *some, last = [f"“{printable(names[i])}”" for i in near]
     if not some:
         return NearlyEnough(
             f"{last} is the best for you, or nearly so",
-            f"{sure} no other alternative is better{_by_more_than(loss)}.",
+            f"{sure} {_none_better(loss)}.",
             size,
         )
     return NearlyEnough(
         f"{', '.join(some)} and {last} are nearly equal to you",
-        f"Whichever of them you choose, you lose little: {sure[0].lower()}{sure[1:]} no "
-        f"alternative is better than that one{_by_more_than(loss)}.",
+        f"Whichever of them you choose, you lose little: {sure[0].lower()}{sure[1:]} "
+        f"{_none_better(loss)}.",
         size,
     )
 
@@ -429,7 +439,7 @@ def _with_certainty(result: Result | Choice, confidence: float) -> str | None:
         return None
     if confidence == 1.0:
         assumed = assumed_of_answers(wrong_of(result.comparator), "your")
-        return f"{assumed[0].upper()}{assumed[1:]},"
+        return f"{_capital(assumed)},"
     return f"With {confidence:.0%} probability,"
 
 
@@ -455,32 +465,31 @@ def choice_conclusion(
         near = result.status is Status.CALLED_EQUAL and result.loss_bound > 0
         equal = ", or as good as any" if near else ""
         headline = f"By your answers “{result.name}” is best{equal}."
-        headline = f"{headline} {_next_best(names, shares, result)}".strip()
-        no_better = f"no other alternative is better{_by_more_than(result.loss_bound)}"
+        headline = f"{headline} {_next_best(told, names, shares, result)}".strip()
         if 0.0 < result.confidence < 1.0:
-            sure = f"With {result.confidence:.0%} probability {no_better}."
+            sure = f"With {result.confidence:.0%} probability {_none_better(result.loss_bound)}."
         else:
-            sure = f"{no_better[0].upper()}{no_better[1:]}. {sure}"
+            sure = f"{_capital(_none_better(result.loss_bound))}. {sure}"
         after = "You can stop here."
         more = "More answers would make it surer." if result.loss_bound > 0 else ""
     else:
         headline = f"The choice is open. The best guess so far is “{result.name}”."
         after = f"Another alternative may be better, by at most {most}. {sure}"
-        if result.loss_bound < _NO_LOSS:
-            after = f"No other alternative can be better. {sure}"
+        if result.loss_bound < NO_LOSS:
+            after = f"{_capital(_none_better(result.loss_bound))}. {sure}"
         more = "More answers help."
         sure = ""  # it belongs to that sentence, not to the headline
     unasked = (
         ""
         if before is None
         else f"Before your first answer another alternative could have been better by "
-        f"{per_hundred(before)}."
+        f"{per_hundred(before)}{no_more(result.confidence)}."
     )
     worth = _worth(told, names, shares, result)
     rows = tuple((row[0], *row[-2:], "chosen" if row[0] == best else "") for row in worth.rows)
     return Conclusion(
         headline=headline,
-        size=_size_and_end(told, result.loss_bound, _BETTER),
+        size=_size_and_end(told, result.loss_bound, _BETTER, result.confidence),
         sure=sure,
         next=after,
         more=more,
@@ -492,11 +501,11 @@ def choice_conclusion(
     )
 
 
-def _next_best(names: Sequence[str], shares: Floats, result: Choice) -> str:
+def _next_best(told: InWords, names: Sequence[str], shares: Floats, result: Choice) -> str:
     """Return sentences that name the next best alternatives, if they are close; otherwise ""."""
     points = _points(shares, result)
     best = list(names).index(result.name)
-    close = np.flatnonzero(points >= points[best] - _NEARLY)
+    close = np.flatnonzero(points >= points[best] - told.little)
     near = [i for i in close[np.argsort(-points[close], kind="stable")].tolist() if i != best]
     if not near:
         return ""
@@ -535,9 +544,15 @@ def _points(shares: Floats, result: Choice) -> Floats:
     return product(tail_sums(shares), np.diff(best_guess(result.comparator)))
 
 
-def _by_more_than(loss: float) -> str:
-    """Return the end of a clause that nothing is better: by how much, or "" if by nothing."""
-    return "" if loss <= 0 else f" by more than {per_hundred(loss)}"
+def _none_better(loss: float) -> str:
+    """Return a clause that no other alternative is better, or not by more than this loss."""
+    by = "" if loss < NO_LOSS else f" by more than {per_hundred(loss)}"
+    return f"no other alternative is better{by}"
+
+
+def _capital(clause: str) -> str:
+    """Return a clause with a capital letter at its start."""
+    return f"{clause[0].upper()}{clause[1:]}"
 
 
 def choice_holds(told: InWords, result: Choice) -> bool:
@@ -588,9 +603,9 @@ def choice_stakes(told: InWords, result: Choice) -> str | None:
     """Return a sentence on what the choice can lose."""
     if np.isnan(result.loss_bound):
         return None
-    if result.loss_bound < _NO_LOSS:
-        return "So far no other alternative can be better."
+    if result.loss_bound < NO_LOSS:
+        return f"So far {_none_better(result.loss_bound)}."
     return (
-        f"So far another alternative could be better by {per_hundred(result.loss_bound)}. That is "
-        f"{told.loss(result.loss_bound)}. {_until(told)}"
+        f"So far another alternative could be better by {per_hundred(result.loss_bound)}"
+        f"{no_more(result.confidence)}. That is {told.loss(result.loss_bound)}. {_until(told)}"
     )

@@ -169,7 +169,7 @@ def _write(
     from elicit.person.course.files import as_csv, as_json
     from elicit.person.report import ReportDetails
     from elicit.person.showing import about_questions, legend_of, printable
-    from elicit.person.study.report import study_page
+    from elicit.person.study.report import stated_probability, study_page
     from elicit.person.study.study import agreed_so_far
 
     subject = taught.subject
@@ -189,7 +189,8 @@ def _write(
     agreed = agreed_so_far(known, entries, subject.labels)
     following = None
     if taught.following is not None and len(known) > 1:
-        following = _table(taught.following(Panel(known)))
+        some = [found[who].person for who in known]
+        following = _table(taught.following(Panel(known)), stated_probability(some))
     now = datetime.now(UTC)
     limit = _LIMITS.get(recipe.get("comparator", "posterior"))
     note = printable(subject.words.note)
@@ -255,9 +256,14 @@ def _found(
         Interview(session, taught.subject) as interview,
     ):
         end = interview.handle({"do": "result"})["end"]
-        loss = getattr(session.result(), "loss_bound", float("nan"))
+        result, nan = session.result(), float("nan")
         person = PersonFound(
-            printable(who), end, float(loss), printable(log.path.name), kept.checksum
+            printable(who),
+            end,
+            float(getattr(result, "loss_bound", nan)),
+            printable(log.path.name),
+            kept.checksum,
+            float(getattr(result, "confidence", nan)),
         )
         return _Found(
             person,
@@ -276,10 +282,11 @@ def _rows(interview: Interview, who: str, what: str) -> list[dict[str, Any]]:
     ]
 
 
-def _table(found: Any) -> FollowingTable:
+def _table(found: Any, sure: str) -> FollowingTable:
     """Return the report's table of losses: those of each person under each other's policy.
 
     ``found`` is a ``Following``. If people choose from a list, choices take the place of policies.
+    ``sure`` says how sure a bound on a loss is ("" if it is proven).
     """
     from elicit.person.study.report import FollowingTable
 
@@ -287,7 +294,8 @@ def _table(found: Any) -> FollowingTable:
     note = (
         f"Loss of the person in the row if the {what} that is best for the person in the column is "
         "followed. Losses are in percent of the value range, by the scale of the person in the row"
-        f"{where}. The first number is the best guess, and the one in brackets an upper bound."
+        f"{where}. The first number is the best guess, and the one in brackets an upper bound"
+        f"{f', {sure} each' if sure else ''}."
     )
     return FollowingTable(
         found.people, found.followed, found.losses.tolist(), found.bounds.tolist(), note

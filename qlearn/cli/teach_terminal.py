@@ -93,6 +93,8 @@ class Terminal:
             if screen["note"]:
                 self._say(screen["note"])
                 screen["note"] = None  # once
+                if screen["may_practise"]:
+                    self._say("u: try again")
             match screen["stage"]:
                 case "welcome":
                     self._welcome(screen["welcome"])
@@ -132,7 +134,9 @@ class Terminal:
                 case "why":
                     self._why(screen)
                 case "undo" if screen["stage"] != "practice":
-                    if screen["last"] is None:
+                    if screen["may_practise"]:
+                        screen = self._handle("practise")
+                    elif screen["last"] is None:
                         self._say("There is no answer to take back.")
                     else:
                         screen = self._handle("undo", id=screen["last"]["id"])
@@ -212,18 +216,19 @@ class Terminal:
             self._say("It is there to try the keys.")
             return
         beside = self._handle("outlook", id=screen["question"]["id"])
-        for sentence in beside["why"]:
-            self._say(printable(sentence))
+        for sentence in (*beside["why"], beside["forecast"]):
+            if sentence:
+                self._say(printable(sentence))
         if not beside["ready"] and not beside["why"]:
             self._say("Still being worked out: ask again in a moment.")
         elif not beside["why"]:
             self._say("Nothing is known of that.")
 
     def _more_to_come(self, screen: dict[str, Any]) -> str:
-        to_come = self._handle("outlook", id=screen["question"]["id"])["to_come"]
-        if to_come is None:
-            return ""
-        least, most = to_come
+        beside = self._handle("outlook", id=screen["question"]["id"])
+        if beside["to_come"] is None:
+            return f" (at least {beside['at_least']} more)" if beside["at_least"] else ""
+        least, most = beside["to_come"]
         return (
             f" (about {f'{least} to {most}' if least < most else most} more)"
             if most

@@ -113,6 +113,22 @@ class SessionFacts:
     limits: tuple[str, ...] = field(default=())
 
 
+NO_LOSS = 1e-5
+"""A loss below this share of the value range is shown as none: the least loss that
+``per_hundred`` has a number for.
+"""
+
+
+def no_more(confidence: float | None) -> str:
+    """Return the end of a clause that states a bound: how sure it is, or "" if it is proven.
+
+    It follows what "could" be lost. ``confidence`` is None, or nan, if it is not known.
+    """
+    if confidence is None or not 0.0 < confidence < 1.0:
+        return ""
+    return f", with {confidence:.0%} probability not more"
+
+
 def per_hundred(share: float) -> str:
     """Return a share of the value range as a text such as "3.8 in 100".
 
@@ -130,7 +146,7 @@ def per_hundred(share: float) -> str:
     hundred = 100.0 * share
     if not hundred > 0:
         return "0 in 100"
-    hundred = max(hundred, 0.001)
+    hundred = max(hundred, 100.0 * NO_LOSS)
     digits = max(0, 1 - math.floor(math.log10(hundred)))
     up = math.ceil(hundred * 10**digits - 1e-9) / 10**digits
     return f"{up:g} in 100"

@@ -70,7 +70,12 @@ def nearly_is_due(conduct: Conduct, offered: int) -> bool:
     offered : int
         Number of answers at the last offer; 0 if there was none.
     """
-    return conduct.put >= max(NEARLY_FROM, offered + NEARLY_AGAIN * (offered > 0))
+    return conduct.put >= nearly_from(offered)
+
+
+def nearly_from(offered: int) -> int:
+    """Return the number of answers from which on the end may be offered for that reason."""
+    return max(NEARLY_FROM, offered + NEARLY_AGAIN * (offered > 0))
 
 
 def may_be_near(conduct: Conduct, least: int) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -48,6 +49,8 @@ class PersonFound:
         The end, as in the screens of ``Interview``.
     loss : float
         What the person's result can still lose, a share of the value range; nan if unknown.
+    confidence : float
+        The probability with which the loss is no greater: 1 if that is proven, nan if unknown.
     log, checksum : str or None
         The name of the file of the answers, and the end of its last line.
     """
@@ -57,6 +60,7 @@ class PersonFound:
     loss: float
     log: str | None = None
     checksum: str | None = None
+    confidence: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -112,7 +116,7 @@ def study_page(
         f"<h1>{escaped(name)}</h1>",
         f'<p class="soft">{escaped(when)}. {_many(len(people), "person", "people")}, '
         f"{_many(total, 'answer')}.</p>",
-        *_in_short(agreed, following),
+        *_in_short(agreed, following, stated_probability(people)),
         "<h2>People</h2>",
         *_people(people),
         *_agreement(agreed),
@@ -140,7 +144,15 @@ def study_page(
     )
 
 
-def _in_short(agreed: Mapping[str, Any], following: FollowingTable | None) -> Iterator[str]:
+def stated_probability(people: Sequence[PersonFound]) -> str:
+    """Return the probability with which bounds on losses hold, in words; "" if they are proven."""
+    some = sorted({f"{one.confidence:.0%}" for one in people if 0.0 < one.confidence < 1.0})
+    return f"with {' or '.join(some)} probability" if some else ""
+
+
+def _in_short(
+    agreed: Mapping[str, Any], following: FollowingTable | None, sure: str
+) -> Iterator[str]:
     """Return the two most important sentences: groups, and the greatest loss by the mean policy."""
     if agreed["few"]:
         yield f'<p class="headline">{escaped(agreed["few"])}</p>'
@@ -152,8 +164,8 @@ def _in_short(agreed: Mapping[str, Any], following: FollowingTable | None) -> It
     i = -max(last)[1]
     yield (
         f"<p>What is best for the mean of all scales costs {escaped(following.rows[i])} the most: "
-        f"{per_hundred(last[i][0])} of the value range by the best guess, and at most "
-        f"{per_hundred(following.bounds[i][-1])}.</p>"
+        f"{per_hundred(last[i][0])} of the value range by the best guess, and "
+        f"{f'{sure} ' if sure else ''}at most {per_hundred(following.bounds[i][-1])}.</p>"
     )
 
 
@@ -174,9 +186,11 @@ def _people(people: Sequence[PersonFound]) -> Iterator[str]:
             f"{''.join(f'<td>{escaped(cell)}</td>' for cell in cells)}</tr>"
         )
     yield "</tbody>\n</table></div>"
+    sure = stated_probability(people)
+    each = f" Each holds {sure}." if sure else ""
     yield (
         '<p class="soft">A loss is a share of the value range, from the worst level to the best, '
-        "by the person's own scale.</p>"
+        f"by the person's own scale.{each}</p>"
     )
 
 

@@ -1,6 +1,8 @@
 """Messages that the page does not send change nothing."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -41,6 +43,28 @@ def test_what_is_no_message_is_refused(message: Any) -> None:
         assert interview.handle({"do": "state"}) == {**screen, "note": None}
 
 
+def test_the_docs_have_every_message_and_every_field_of_the_screens() -> None:
+    page = (Path(__file__).resolve().parents[3] / "docs/interview-messages.md").read_text("utf-8")
+    with (
+        Session(choosing, AnswerLog()) as session,
+        Interview(session, Subject(("x", "y", "z"))) as interview,
+    ):
+        with pytest.raises(ValueError, match="do") as refused:
+            interview.handle({"do": "dance"})
+        messages = re.search(r"one of (.*), and strings", str(refused.value))
+        assert messages
+        screen = interview.handle({"do": "state"})
+        named = {*messages[1].split(", "), *screen, *screen["welcome"]}
+        question = interview.handle({"do": "start"})["question"]
+        named |= {*question, *question["rows"][0]}
+        screen = interview.handle({"do": "practised", "choice": "a"})
+        named |= {*interview.handle({"do": "outlook", "id": screen["question"]["id"]})}
+        end = interview.handle({"do": "result"})["end"]
+        named |= {*end, *end["scale"][0], *interview.handle({"do": "prospects"})}
+        assert len(named) > 60
+        assert not [name for name in named if f"`{name}`" not in page]
+
+
 def test_a_choice_that_there_is_not_is_refused() -> None:
     log = AnswerLog()
     with (
@@ -53,6 +77,53 @@ def test_a_choice_that_there_is_not_is_refused() -> None:
                 {"do": "answer", "id": screen["question"]["id"], "choice": "c" * 100_000}
             )
         assert not len(log)
+
+
+def test_the_practice_question_can_be_tried_again_until_another_is_answered() -> None:
+    log = AnswerLog()
+    with (
+        Session(choosing, log) as session,
+        Interview(session, Subject(("x", "y", "z"))) as interview,
+    ):
+        best = interview.handle({"do": "start"})["question"]["rows"][0]
+        right, wrong = ("a", "b") if best["a"] else ("b", "a")
+        for slip in (wrong, "equal", "cannot tell"):
+            screen = interview.handle({"do": "practised", "choice": slip})
+            assert screen["stage"] == "question"
+            assert screen["may_practise"]
+            assert "try again, or go on" in screen["note"]
+            again = interview.handle({"do": "practise"})
+            assert again["stage"] == "practice"
+            assert not again["may_practise"]
+        assert not interview.handle({"do": "practised", "choice": right})["may_practise"]
+        assert interview.handle({"do": "practise"})["stage"] == "question"  # it was right
+        assert not len(log)
+    with (
+        Session(choosing, log) as session,
+        Interview(session, Subject(("x", "y", "z"))) as interview,
+    ):
+        screen = interview.handle({"do": "practised", "choice": wrong})
+        told = {"id": screen["question"]["id"], "choice": "a"}
+        assert not interview.handle({"do": "answer", **told})["may_practise"]
+        assert interview.handle({"do": "practise"})["stage"] == "question"
+
+
+@pytest.mark.parametrize(("audit", "fewest"), [(0.1, 8), (0.0, 5)])
+def test_the_welcome_and_the_first_question_count_the_fewest_questions_alike(
+    audit: float, fewest: int
+) -> None:
+    with (
+        Session(choosing, AnswerLog(), audit=audit) as session,
+        Interview(session, Subject(("x", "y", "z"))) as interview,
+    ):
+        least = interview.handle({"do": "state"})["welcome"]["least"]
+        interview.handle({"do": "start"})
+        screen = interview.handle({"do": "practised", "choice": "a"})
+        reply = interview.handle({"do": "outlook", "id": screen["question"]["id"]})
+        assert least == 1 + reply["at_least"]
+        assert least >= fewest
+        said = reply["forecast"]
+        assert said == "" if reply["to_come"] else f"“At least {least - 1} more” are the" in said
 
 
 def test_an_asker_that_was_given_ends_with_its_last_question() -> None:

@@ -270,6 +270,40 @@ def test_an_answer_waits_for_what_is_being_computed_of_it_and_for_nothing_else()
             assert len([name for name, _ in Slow.told if name != main]) <= 2
 
 
+def test_results_are_computed_ahead_of_the_answers_that_may_lead_to_an_offer() -> None:
+    asker = choosing(())
+    (query,) = asker.ask()
+    ahead = LookAhead(asker, choosing(()), query, False)
+    ahead.wants_results = True
+    assert sum(1 for _ in ahead.steps()) == 4
+    assert sum(1 for _ in ahead.results()) == 2
+    for verdict, (made, result) in zip((Verdict.BETTER, Verdict.WORSE), ahead.found, strict=True):
+        after = ahead.told(asker, Answer(query, verdict))
+        assert after is not None
+        assert after.asker is made
+        assert (result.asked, result.loss_bound) == (1, made.result().loss_bound)
+
+
+@pytest.mark.parametrize("given", [False, True])
+@pytest.mark.parametrize("reads", [reads_nothing, reads_a_while])
+def test_a_result_that_is_known_is_that_of_all_answers(
+    given: bool, reads: Callable[[int], None]
+) -> None:
+    with (
+        Session(choosing(()) if given else choosing, AnswerLog()) as session,
+        Interview(session, SUBJECT) as interview,
+    ):
+        screen, number = interview.handle({"do": "practised", "choice": "a"}), 0
+        while screen["stage"] == "question":
+            number += 1
+            reads(number)
+            session.answer(screen["question"]["id"], 1, ahead=interview._beside.told_ahead)
+            known = interview._beside.result_of(session.current_asker())
+            assert known is None or known.asked == number
+            screen = interview.handle({"do": "state"})
+        assert number > 5
+
+
 def test_an_asker_that_was_given_is_told_itself() -> None:
     asker = choosing(())
     with (

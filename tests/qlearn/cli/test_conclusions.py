@@ -129,6 +129,34 @@ def test_the_next_best_alternative_is_named_if_it_is_close(second: list[float], 
     assert found.sure.startswith("No other alternative is better. This holds ")
 
 
+@pytest.mark.parametrize("name", MAKERS)
+def test_how_sure_a_bound_is_stands_beside_it_unless_it_is_proven(name: str) -> None:
+    mdp, _ = random_mdp(8, 3, 4, 0.9, seed=3)
+    make, _ = MAKERS[name]
+    told = InWords(mdp.labels, Words(), 1e-4)
+    learner = InteractivePolicyIteration(mdp, make(4), tolerance=1e-4, bags=Bags(days=10))
+    result = learner.result()
+    found = policy_conclusion(told, mdp, mdp.action_name, result, 0.2)
+    stakes = policy_stakes(told, result)
+    assert stakes is not None
+    if name == "posterior":
+        assert found.size.startswith("At most (with 95% probability), your plan falls short ")
+        assert found.before.endswith(" 20 in 100 short, with 95% probability not more.")
+        assert " short of your ideal plan, with 95% probability not more. That is " in stakes
+    else:
+        assert found.size.startswith("At most, your plan falls short ")
+        assert found.before.endswith(" 20 in 100 short.")
+        assert "probability" not in f"{found.sure}{stakes}"
+    shares = np.array([[0.0, 0.4, 0.6, 0.0], [0.1, 0.0, 0.5, 0.4], [0.0, 0.2, 0.6, 0.2]])
+    names = ["first", "second", "third"]
+    choice = choose(shares, make(4), names=names).result()
+    chosen = choice_conclusion(told, names, shares, choice, 0.2)
+    asked = choice_stakes(told, choice)
+    assert asked is not None
+    for said in (chosen.size, chosen.before, asked):
+        assert ("with 95% probability" in said) == (name == "posterior"), said
+
+
 def test_several_close_alternatives_are_named_with_their_worth_and_shown_in_an_open_table() -> None:
     shares = np.array([[0.0, 0.0, 1.0], [0.02, 0.02, 0.96], *[[0.01, 0.0, 0.99]] * 4])
     names = ["first", "other", "b", "c", "d", "e"]

@@ -159,9 +159,10 @@ def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: P
         assert key == {0: "e", 1: left, -1: right}[entry.answer.verdict]
     said = report(teach.shown)
     sure = "if your answers are right" if comparator == "polytope" else "with 95% probability"
+    again = "" if comparator == "polytope" else r" \(with 95% probability\)"
     loss = (
         r"settled\. It comes within ([\d.]+) in 100 of your ideal plan\. This holds "
-        rf"{sure}\. .* At most, your "
+        rf"{sure}\. .* At most{again}, your "
         r"plan falls short of your ideal plan by as much value as if \1 in 100 days were at “"
         rf"level 1” instead of “level 5”\. .* We stop asking below 1 in 100\."
     )
@@ -410,7 +411,10 @@ def test_a_plan_is_said_before_the_first_question_and_ends_the_session(
     assert "You planned 2 questions, and answered 2." in said
     assert "This is the result so far. More could be asked." in said
     assert re.search(r"It could still fall \S+ in 100 short of your ideal plan\.", said)
-    assert "At most, your plan falls short of your ideal plan by as much value as " in said
+    assert (
+        "At most (with 95% probability), your plan falls short of your ideal plan by as much value "
+        "as " in said
+    )
     code, shown, _ = taught("a\n" * 2 + "q\n", monkeypatch, capsys, *options, "--log", log)
     assert "You planned 4 questions, and answered 4." in " ".join(shown.split())
     with pytest.raises(SystemExit):
@@ -486,6 +490,19 @@ def test_the_practice_question_says_what_most_would_say(
     assert not told(Path("answers-care.jsonl"))
     slips = [re.search(r"Everyone in [AB] is “died”: perhaps", " ".join(t.split())) for t in said]
     assert sum(map(bool, slips)) == 1
+
+
+def test_after_a_slip_the_practice_question_can_be_tried_again(
+    table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wrong = "a" if "Most people choose B" in taught("a\n", monkeypatch, capsys, table)[1] else "b"
+    right = "ab".replace(wrong, "")
+    text = taught(f"{wrong}\nu\n{right}\nu\n", monkeypatch, capsys, table)[1]
+    assert text.count("u: try again") == 1
+    assert text.count("Practice question: your answer is not saved.") == 2
+    assert text.count("Right. Now the real questions.") == 1
+    assert text.count("There is no answer to take back.") == 1  # after the right answer
+    assert not told(Path("answers-care.jsonl"))
 
 
 def test_ctrl_c_keeps_what_was_answered(
@@ -662,7 +679,9 @@ def test_icu_sepsis_is_asked_about_patients(
     code, shown, _ = taught("a\n", monkeypatch, capsys)
     assert code == 0
     assert shown.startswith("ICU-Sepsis\nThe patients are alike at the start.")
-    assert "Question 1\n\nTwo groups of 10 patients: which is better off?" in shown
+    assert (
+        "Question 1 (at least 8 more)\n\nTwo groups of 10 patients: which is better off?" in shown
+    )
     assert icu_sepsis().labels[0] in shown
 
 
@@ -767,7 +786,10 @@ def test_a_family_is_taught_in_its_own_words_and_a_seed_draws_it(
     assert "Two groups of 10 years" in shown
     said = " ".join(report(shown).split())
     assert "in 100 of your ideal plan. This holds " in said
-    assert "At most, your plan falls short of your ideal plan by as much value " in said
+    assert (
+        "At most (with 95% probability), your plan falls short of your ideal plan by as much value "
+        in said
+    )
 
 
 def test_two_people_in_one_folder_have_a_log_each(

@@ -558,6 +558,59 @@ def test_the_welcome_says_if_nothing_can_be_foreseen(windows: Windows) -> None:
         assert "".join(page.locator(".likely").all_inner_texts()) == ""
 
 
+@pytest.mark.parametrize(
+    "size", [WIDE, {"width": 900, "height": 760}, NARROW], ids=["wide", "mid", "narrow"]
+)
+def test_start_stays_where_it_is_when_forecasts_come_or_go(
+    windows: Windows, size: dict[str, int]
+) -> None:
+    likely = "Settled in 10 of 12 simulations. Half of all 12 could fall 0.53 in 100 short."
+    length = "Half of the simulated sessions took at most 24 questions, about 8 minutes."
+    nothing = {"budgets": [], "settled": ""}
+    replies = [
+        {**nothing, "ready": False},
+        {"budgets": [likely] * 3, "settled": length, "ready": False},
+        {**nothing, "ready": True},
+    ]
+
+    def prospects(route: Any) -> None:
+        if route.request.post_data_json["do"] != "prospects":
+            route.continue_()
+        else:
+            route.fulfill(json=replies[min(len(tops), 2)])
+
+    tops: list[float] = []
+    with served(windows.log) as server:
+        page = windows.open(server, size)
+        page.route("**/api", prospects)
+        page.reload()
+        for words in ("Working out what this will", length, "How far each choice of time gets"):
+            page.get_by_text(words).first.wait_for()
+            tops.append(name(page, "Start").bounding_box()["y"] + page.evaluate("scrollY"))
+        page.locator(".choice").first.click()
+        tops.append(name(page, "Start").bounding_box()["y"] + page.evaluate("scrollY"))
+    assert max(tops) - min(tops) < 1, tops
+
+
+def test_after_a_slip_the_practice_question_can_be_tried_again(windows: Windows) -> None:
+    with served(windows.log) as server:
+        page = windows.open(server)
+        start(page)
+        all_best = page.locator(".card").first.locator(".row").first.inner_text().startswith("10")
+        right, wrong = ("a", "b") if all_best else ("b", "a")
+        for again in (lambda: name(page, "Try again").click(), lambda: page.keyboard.press("u")):
+            click(page, wrong)
+            at(page, "Question 1")
+            page.get_by_text("You can try again, or go on").wait_for()
+            again()
+            at(page, "Practice")
+            assert not page.get_by_text("Try again").count()
+        click(page, right)
+        at(page, "Question 1")
+        assert not page.get_by_text("Try again").count()
+        assert not windows.entries()
+
+
 def test_the_bar_never_runs_backwards_nor_ahead_of_a_forecast_that_grows(windows: Windows) -> None:
     to_come = {"q0": [3, 3], "q1": [2, 2], "q2": [7, 17], "q3": None, "q4": [0, 0]}
 

@@ -1,6 +1,7 @@
 """The report of a study says of each person and of all what was found, and escapes it."""
 
 import re
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -81,6 +82,16 @@ def test_a_report_has_a_row_and_the_words_for_each_person() -> None:
     assert "None" not in text
     alone = text_of(study_page("", "now", PEOPLE[1:2], FEW, None, ReportDetails()))
     assert "A study: report of a study now. 1 person, 1 answer." in alone
+
+
+def test_a_report_says_how_sure_the_losses_are_unless_they_are_proven() -> None:
+    for confidence, said in ((0.95, True), (1.0, False), (NAN, False)):
+        people = [PersonFound("ann", end(5), 0.01, confidence=confidence)]
+        text = text_of(study_page("", "now", people, FEW, None, ReportDetails()))
+        assert ("Each holds with 95% probability." in text) == said
+        people = [replace(one, confidence=confidence) for one in PEOPLE]
+        text = text_of(study_page("", "now", people, AGREED, FOLLOWING, ReportDetails()))
+        assert ("best guess, and with 95% probability at most 7 in 100." in text) == said
 
 
 def test_a_report_draws_each_level_for_each_person() -> None:
