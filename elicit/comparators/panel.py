@@ -191,7 +191,11 @@ class Panel:
 
     @property
     def rule(self) -> Rule:
-        """The rule for compiled loops: the member's if there is only one, else dominance alone."""
+        """The rule for compiled loops.
+
+        With several members it is dominance alone. With one it is the member's rule. If that member
+        has none, the rule decides nothing.
+        """
         if len(self.people) > 1:
             return nothing()
         if compares_by_rule(type(self._only)):

@@ -94,10 +94,12 @@ class ReportDetails:
     ----------
     who : str
         The person who answered.
-    log, checksum : str, optional
-        The name of the file of the answers, and the end of its last line.
+    log : str, optional
+        The name of the file that holds the answers.
+    checksum : str, optional
+        The checksum with which the last line of that file ends.
     preamble : str
-        What every question asked, and the text before the first one.
+        What each question asked, followed by the text that the person saw before the first one.
     legend : mapping, optional
         The meaning of the levels, as in the screens of ``Interview``.
     source : str

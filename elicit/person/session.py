@@ -209,10 +209,10 @@ class Session(Closing):
         return query
 
     def next_told(self) -> Query | None:
-        """Return the first query that the asker waits for.
+        """Return the first query whose answer the asker waits for.
 
-        ``question`` is another one if an earlier question is put again, or if a replacement is put
-        in place of this query.
+        ``question`` may return another one: an earlier question that is put again, or a replacement
+        of this query.
         """
         return next(iter(self._pending().values()), None)
 
@@ -533,10 +533,11 @@ class Session(Closing):
         return found
 
     def contradiction(self) -> tuple[Entry, ...]:
-        """Return a set of a person's answers that contradict each other, with the last among them.
+        """Return answers of one person that contradict each other, with the last answer among them.
 
-        It is empty if the last answer contradicts none. As for ``conflicts``, each answer is taken
-        as right. To check one more answer takes far less time than to find all ``conflicts``.
+        The result is empty if the last answer contradicts no earlier ones. As in ``conflicts``,
+        each answer is taken as right, even if the comparator allows for errors. To check one more
+        answer takes far less time than to find all ``conflicts``.
         """
         rest = [entry for entry in self._log if counts(entry) and entry.answer.verdict is not None]
         standing = self._log.standing

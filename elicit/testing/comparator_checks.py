@@ -335,7 +335,11 @@ def _check_all_at_once(comparator: Comparator, d: Floats) -> None:
 
 
 def _check_bounds_above(comparator: Comparator, d: Floats, tight: Floats) -> None:
-    """Check ``bounds_above`` of d (n, k) against the tight bounds. Those below 0 may be loose."""
+    """Check ``bounds_above`` of d (n, k) against the tight bounds.
+
+    A bound may exceed the tight one only up to ``enough`` or 0. It must not be below a tight one
+    that is positive.
+    """
     room = TOLERANCE * np.abs(d).sum(axis=1)
     for enough in (float(np.median(tight)), np.maximum(tight, 0.0)):
         found, _ = wanted(partial(bounds_above, comparator, d, enough))

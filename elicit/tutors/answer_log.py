@@ -338,7 +338,8 @@ class AnswerLog(Closing):
         """Record that comparators learn again from an answer that was marked as unused.
 
         The reason may be that the answers it contradicted were taken back. The last unused answer
-        of this id is meant. Parameters and errors are as for ``mark_unused``.
+        of this id is meant. ``metadata`` is any JSON, added to the answer's. Raises ValueError if
+        this query has no unused answer. Other errors are as for ``append``.
         """
         self._put("used", {"id": id}, metadata)
 

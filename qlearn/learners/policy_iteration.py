@@ -404,7 +404,10 @@ class InteractivePolicyIteration(Learner):
         )
 
     def _audit(self, advantages: Advantages, found: Guarantee) -> tuple[Query, ...]:
-        """Audit some of the pairs that the proof depends on; without audits, end."""
+        """Return queries that audit some pairs that the proof depends on, or () at the end.
+
+        If no pair is to be audited, the run ends, with the status that ``found`` allows.
+        """
         if self._elicitation.asking_state().audit:
             advantages = self._rounds.some_of(advantages)
             decisions = self._elicitation.decide(advantages.d, partial(self._place, advantages))

@@ -112,7 +112,7 @@ class _Chain:
         return self._mdp.transitions[self._rows]
 
     def in_place(self) -> _Rows:
-        """Return the rows of the MDP itself, of which nothing is copied."""
+        """Return the policy's rows as indices into the MDP's own arrays, which are not copied."""
         return _Rows(self._rows, *_arrays(self._mdp))
 
     def coarse(self) -> _Rows:

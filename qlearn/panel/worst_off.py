@@ -309,9 +309,9 @@ def _telling(mdp: OrdinalMDP, panel: Panel, proven: _Proven) -> list[tuple[str, 
 
 
 def _better(mdp: OrdinalMDP, proven: _Proven, high: Floats) -> Floats:
-    """Return the difference (k,), at the start, between another policy's vector and this one's.
+    """Return another policy's vector (k,) minus that of the policy of ``proven``, at the start.
 
-    The other policy is the one that collects most of the bounds ``high``.
+    The other policy is the optimal one if the rewards are ``high``, upper bounds on advantages.
     """
     gain = _gain(mdp, proven.place, proven.action, high)
     total = np.where(mdp.terminal, 0.0, greatest_total(mdp, gain))

@@ -111,10 +111,10 @@ class ReachableSet:
         return np.asarray(product(self.corners, gaps).max(axis=0))
 
     def cut_by(self, cuts: Sequence[tuple[Floats, float]]) -> ReachableSet:
-        """Return the part of the set that satisfies each of these cuts, gaps (p,) and limits.
+        """Return the part of the set with t.g <= limit for each cut, a pair of gaps (p,) and limit.
 
-        A cut is t.g <= limit. If the vertices would be too many, the first cuts are left out. Later
-        trainings are at scales that more answers have left plausible.
+        If the vertices would be too many, the earlier cuts are left out rather than the later ones.
+        Each cut is from a training, and the later trainings are at scales that fit more answers.
         """
         reach = self
         for gaps, limit in cuts:

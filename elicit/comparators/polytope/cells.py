@@ -79,7 +79,8 @@ class Cells:
     def decide_rest(self, d: Floats) -> Decisions:
         """Return verdicts (n,) and tiers (n,) of differences d (n, k).
 
-        A difference is decided if it has the same verdict in all cells.
+        A difference is decided if the verdicts in all cells agree. EQUAL agrees with BETTER and
+        with WORSE (see ``agreed``).
         """
         verdicts, tiers = np.full(len(d), Verdict.EQUAL, np.int8), np.zeros(len(d), np.int8)
         rows = np.arange(len(d))
