@@ -887,7 +887,7 @@ function worth(scale, certainty, notes) {
       part("td", "drawn", { role: "cell" }, [
         interval(low, value, high, colourOf(scale.length - 1 - i, scale.length), known),
       ]),
-      part("td", "number", { role: "cell" }, [known ? String(Math.round(value)) : "not known yet"]),
+      part("td", "number", { role: "cell" }, [guessWords(row)]),
       part("td", "number", { role: "cell" }, [range]),
     ]);
   });
@@ -914,6 +914,10 @@ export function axis() {
   const marks = [0, 50, 100].map((x) => svg("text", { x: `${x}%`, y: 14, "text-anchor": "middle" }, [String(x)]));
   return svg("svg", { class: "axis", "aria-hidden": "true", focusable: "false" }, marks);
 }
+
+// A level's best guess, or words in its place.
+export const guessWords = ({ value, known, rough }) =>
+  known ? String(Math.round(value)) : rough ? "only roughly" : "not known yet";
 
 export function interval(low, value, high, colour, asked) {
   const marks = [0, 25, 50, 75, 100].map((x) => `${x}%`);
