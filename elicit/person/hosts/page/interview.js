@@ -33,6 +33,8 @@ export function mount(root, send, options = {}) {
   let beside = null; // the reply to "outlook" for the question on the screen
   let drawn = false; // whether anything was
   let busy = false;
+  let drawings = 0; // how often something was drawn
+  let begun = 0; // `drawings` at the first click of a double click
   let failed = null; // what is to be tried again
   let turn = 0; // counts what was done, to tell that a reply comes too late
   let following = 0;
@@ -216,6 +218,7 @@ export function mount(root, send, options = {}) {
 
   function draw(moved) {
     following += 1;
+    drawings += 1;
     brand.replaceChildren(part("b", "", {}, [screen.title || "Your judgement"]));
     if (screen.title) brand.append(part("span", "soft", {}, ["your judgement"]));
     const stages = { welcome, practice: question, question, conflict: settling, offer, end };
@@ -728,6 +731,16 @@ export function mount(root, send, options = {}) {
     pushed.click();
   }
 
+  // the second click of a double click was meant for what is gone, however slow it is
+  function clicked(event) {
+    if (event.detail < 2) begun = drawings;
+    else if (begun !== drawings) {
+      event.preventDefault();
+      event.stopPropagation();
+    }
+  }
+
+  body.addEventListener("click", clicked, true);
   keys.addEventListener("keydown", pressed);
   window.addEventListener("focus", catchUp);
   document.addEventListener("visibilitychange", catchUp);
