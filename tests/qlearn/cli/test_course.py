@@ -202,7 +202,7 @@ def test_after_few_answers_only_what_holds_for_every_plausible_scale_is_claimed(
             assert not end["sure"]
         names = {MDP.state_name(s): s for s in range(MDP.n_states)}
         listed = end["changes"]["rows"] if end["changes"] else []
-        for state, other, mine in listed:
+        for state, other, mine, _ in listed:
             s, (a, b) = names[state], (int(mine), int(other))
             assert (((result.q[s, a] - result.q[s, b]) @ scales.T) > 0).all()
         table = {row["state"]: row["change"] for row in interview.table("plan")}
@@ -223,7 +223,7 @@ def test_with_a_posterior_changes_are_listed_if_they_hold_with_its_confidence() 
         end = interview.handle({"do": "finish"})["end"]
         result = session.result()
         names = {MDP.state_name(s): s for s in range(MDP.n_states)}
-        for state, other, mine in end["changes"]["rows"]:
+        for state, other, mine, _ in end["changes"]["rows"]:
             s, (a, b) = names[state], (int(mine), int(other))
             d = (result.q[s, a] - result.q[s, b])[None, :]
             assert result.comparator.probability(d)[0] >= 0.95 - 1e-9
