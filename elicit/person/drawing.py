@@ -20,7 +20,7 @@ from elicit.person.course.counts import Counts, in_answers, numbered
 from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
 from elicit.person.course.pace import Pace
-from elicit.person.findings import NOT_KNOWN, NOT_NEEDED, OVERLAP, certainty, overlap, scale_rows
+from elicit.person.findings import certainty, scale_notes, scale_rows
 from elicit.person.next_question import NextQuestion
 from elicit.person.outlook import Prospect
 from elicit.person.report import ReportDetails, report_page
@@ -405,11 +405,9 @@ class Drawing:
             else None,
             "scale": scale,
             "by_chance": conduct.by_chance if subject.least else "",
-            "scale_notes": [
-                *([] if all(row.known for row in rows) else [NOT_KNOWN]),
-                *([NOT_NEEDED] if settled and left and not all(row.known for row in rows) else []),
-                *([OVERLAP] if overlap(rows) else []),
-            ],
+            "scale_notes": []
+            if known is None
+            else scale_notes(rows, known, settled=settled and left),
             "certainty": None
             if known is None
             else f"{certainty(known)}{'' if caution is None else f', {_IF_MEANT}'}",

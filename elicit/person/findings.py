@@ -19,16 +19,12 @@ _WIDE = 20.0
 """Width of a range, of 100, up to which a best guess is always shown."""
 _MOST_OF_ROOM = 1 / 3  # share of the room between the neighbours that a wider range may cover
 
-NOT_KNOWN = (
-    "A dashed bar is a level that is not known yet: its range is still too wide for a best guess, "
-    "or no answer is about it."
+_NOT_KNOWN = "“Not known yet” (dashed): no answer is about it, or none narrows its range."
+_ROUGHLY = "“Only roughly” (dashed): the answers about it leave a wide range."
+_ROUGHLY_FOR_SLIPS = (
+    "“Only roughly” (dashed): any one answer may be a slip, so the range stays wide until more "
+    "answers agree. Repeated questions are checks and do not narrow it."
 )
-"""The sentence beside levels whose best guess is not shown."""
-NOT_NEEDED = (
-    "What is not known yet matters too little to this result to ask more. More questions would "
-    "show what these levels are worth too."
-)
-"""The sentence beside such levels if the result is settled."""
 OVERLAP = (
     "Ranges may overlap although the order is fixed: wherever two levels lie in their ranges, the "
     "better one is never worth less."
@@ -46,6 +42,9 @@ class ScaleRow(NamedTuple):
     level, or its interval is wider than 20 and covers more than a third of the room between its
     neighbours. That room is from the low end of the next worse level to the high end of the next
     better one.
+
+    ``rough`` is True if the level is not ``known``, but answers are about it and its interval is
+    less than the whole scale: "only roughly", where another level is "not known yet".
     """
 
     label: str
@@ -54,6 +53,40 @@ class ScaleRow(NamedTuple):
     high: float
     asked: bool = True
     known: bool = True
+    rough: bool = False
+
+
+def guess_in_words(value: float, known: bool, rough: bool) -> str:
+    """Return the best guess of a row as it is shown, or words in its place."""
+    if known:
+        return f"{value:.0f}"
+    return "only roughly" if rough else "not known yet"
+
+
+def scale_notes(rows: Sequence[ScaleRow], comparator: Comparator, settled: bool) -> list[str]:
+    """Return sentences beside the rows of a comparator: on levels without a best guess, and order.
+
+    ``settled`` is True if the result is settled and the person could still answer more.
+    """
+    hollow = [row for row in rows if not row.known]
+    notes = []
+    if not all(row.rough for row in hollow):
+        notes.append(_NOT_KNOWN)
+    if any(row.rough for row in hollow):
+        slips = trusted_share(comparator) is not None or wrong_of(comparator) > 0
+        notes.append(_ROUGHLY_FOR_SLIPS if slips else _ROUGHLY)
+    if hollow:
+        those, it = ("this level", "it") if len(hollow) == 1 else ("these levels", "them")
+        taken = f"For {those} the result takes about the average of what is still possible"
+        notes.append(
+            f"{taken}, and does not need to know {it} more exactly. If you want to know {it} all "
+            "the same, answer more questions."
+            if settled
+            else f"{taken}."
+        )
+    if overlap(rows):
+        notes.append(OVERLAP)
+    return notes
 
 
 def overlap(rows: Sequence[ScaleRow]) -> bool:
@@ -119,18 +152,13 @@ def scale_rows(
     if open_step[0] != 0:
         high[0] = 0.0
     worse_low, better_high = np.r_[0.0, low[:-1]], np.r_[high[1:], 100.0]
-    rows = [
-        ScaleRow(
-            printable(label),
-            float(values[level]),
-            float(low[level]),
-            float(high[level]),
-            level in asked,
-            level in asked
-            and is_known(low[level], high[level], worse_low[level], better_high[level]),
-        )
-        for level, label in enumerate(labels)
-    ]
+    rows = []
+    for level, label in enumerate(labels):
+        ends = float(low[level]), float(high[level])
+        has = level in asked
+        known = has and is_known(*ends, float(worse_low[level]), float(better_high[level]))
+        rough = has and not known and ends != (0.0, 100.0)
+        rows.append(ScaleRow(printable(label), float(values[level]), *ends, has, known, rough))
     return rows[::-1]
 
 

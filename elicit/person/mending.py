@@ -19,13 +19,12 @@ from elicit.tutors.answer_log import REPEATS, Entry
 
 _AGAIN = "Check question: you answered this one before. Choose as you see it now."
 _ORDER = "Check question: this one is about the order of the levels."
+# not called a check: the result does not count it as one
 _IMPLIED = (
-    "Check question: your earlier answers already point to one side. A second look guards against "
-    "errors."
+    "Your earlier answers already point to one side here. A second look guards against errors."
 )
 _IMPLIED_BY_ONE = (
-    "Check question: your earlier answer already points to one side. A second look guards against "
-    "errors."
+    "Your earlier answer already points to one side here. A second look guards against errors."
 )
 _CHECK_TAKEN_BACK = (
     "This is the same check again, because you took back your answer to it. Your first answer to "

@@ -8,6 +8,7 @@ from html import escape
 from typing import Any
 
 from elicit.person.course.counts import Counts
+from elicit.person.findings import guess_in_words
 
 _COLOURS = (
     (127, 39, 4),
@@ -322,7 +323,7 @@ def _scale(
         known = row.get("known", True)
         colour = colour_of(1.0 - i / max(1, len(rows) - 1)) if known else None
         picture = interval_picture(low, row["value"], high, colour)
-        guess = f"{row['value']:.0f}" if known else "not known yet"
+        guess = guess_in_words(row["value"], known, row.get("rough", False))
         yield (
             f'<tr><th scope="row">{escaped(row["label"])}</th><td class="drawn">{picture}</td>'
             f'<td class="number">{guess}</td><td class="number">{between}</td></tr>'

@@ -127,6 +127,7 @@ def policy_conclusion(
 _LITTLE = 4.0  # tolerances that count as little (see InWords.little)
 _OF_BEFORE = 2 / 3  # a loss is not little if it is a larger share of that before the first answer
 _MOST_UNFOLDED = 12  # alternatives up to which their table stands open on the screen
+_ROUNDED = 0.5  # of 100: less than that cannot be told from the ranges as they are shown
 _FEW_NAMED = 3  # alternatives that are named in a sentence
 _NARROW = 0.5  # width of a range, a share of the whole, up to which a best guess is said
 
@@ -462,9 +463,7 @@ def choice_conclusion(
     most, sure, best = per_hundred(result.loss_bound), _sure(result), printable(result.name)
     settled = choice_holds(told, result)
     if settled:
-        near = result.status is Status.CALLED_EQUAL and result.loss_bound > 0
-        equal = ", or as good as any" if near else ""
-        headline = f"By your answers “{result.name}” is best{equal}."
+        headline = f"By your answers “{best}” is {_best_word(result)}."
         headline = f"{headline} {_next_best(told, names, shares, result)}".strip()
         if 0.0 < result.confidence < 1.0:
             sure = f"With {result.confidence:.0%} probability {_none_better(result.loss_bound)}."
@@ -497,8 +496,14 @@ def choice_conclusion(
         changes=worth,
         result=ResultTable("Choice", ("alternative", "worth", "range", "choice"), rows),
         settled=settled,
-        early=f"By your answers so far “{result.name}” is best. They are not checked yet.",
+        early=f"By your answers so far “{best}” is {_best_word(result)}. They are not checked yet.",
     )
+
+
+def _best_word(result: Choice) -> str:
+    """Return the words for a choice: "best", or a recommendation if another may be as good."""
+    decided = result.status not in (Status.CALLED_EQUAL, Status.UNSURE) or result.loss_bound <= 0
+    return "best" if decided else "the one to choose"
 
 
 def _next_best(told: InWords, names: Sequence[str], shares: Floats, result: Choice) -> str:
@@ -509,21 +514,33 @@ def _next_best(told: InWords, names: Sequence[str], shares: Floats, result: Choi
     near = [i for i in close[np.argsort(-points[close], kind="stable")].tolist() if i != best]
     if not near:
         return ""
-    worth = [f"{100 * points[i]:.0f}" for i in near[:_FEW_NAMED]]
-    some = [f"“{printable(names[i])}”" for i in near[:_FEW_NAMED]]
-    top = f"“{printable(names[best])}” {100 * points[best]:.0f}"
+    named = near[:_FEW_NAMED]
+    worth = [f"{100 * points[i]:.0f}" for i in named]
+    some = [f"“{printable(names[i])}”" for i in named]
+    name, top = f"“{printable(names[best])}”", f"{100 * points[best]:.0f}"
+    as_good = "About as good" if top in worth else "Nearly as good"
     if len(near) == 1:
-        said = f"The next best is {some[0]}: worth {worth[0]} of 100, {top}."
+        said = f"{as_good} is {some[0]}: worth {worth[0]} of 100, {name} {top}."
     else:
-        each = [f"{name} {value}" for name, value in zip(some, worth, strict=True)]
-        more = len(near) - len(some)
+        each = [f"{some[0]} (worth {worth[0]} of 100)"]
+        each += [f"{one} ({value})" for one, value in zip(some[1:], worth[1:], strict=True)]
+        more = len(near) - len(named)
         rest = f" {more} more {'is' if more == 1 else 'are'} close too." if more else ""
-        said = f"The next best are worth, of 100: {', '.join(each)}; {top}.{rest}"
+        said = f"{as_good} are {_listed(each)}; {name} is worth {top}.{rest}"
     told_equal = _directions(result.answers.d[result.answers.y == 0])
     apart = _directions(shares[best] - shares)
     called = [f"“{printable(names[i])}”" for i in near if _among(apart[i], told_equal)]
-    equal = f" You called it and {' and '.join(called)} equally good." if called else ""
-    return f"{said}{equal}"
+    if not called:
+        return said
+    if len(near) == 1:
+        return f"{said} You called these two equally good."
+    return f"{said} You called {name} as good as {_listed(called)}."
+
+
+def _listed(texts: Sequence[str]) -> str:
+    """Return texts joined by commas, and "and" before the last."""
+    *some, last = texts
+    return f"{', '.join(some)} and {last}" if some else last
 
 
 def _directions(d: Floats) -> Floats:
@@ -587,13 +604,22 @@ def _worth(told: InWords, names: Sequence[str], shares: Floats, result: Choice) 
     unknown = (
         "" if narrow.all() else " The worth is not known yet where the range is wider than 50."
     )
+    best = list(names).index(result.name)
+    apart = max(0.0, float((np.minimum(np.delete(high, best), 1.0) - max(low[best], 0.0)).max()))
+    # shown where the ranges alone would allow a greater loss than the bound
+    together = (
+        " The ranges move together, because the same values of the levels go into each. So the "
+        "difference between two alternatives is known better than their ranges show."
+        if 100.0 * (apart - result.loss_bound) >= _ROUNDED
+        else ""
+    )
     return ResultTable(
         f"The {len(names)} alternatives",
         ("Alternative", *map(printable, labels[::-1]), "worth", "range"),
         rows,
         f"In 100 {printable(told.words.unit)} of each. Worth is from 0, if all were "
         f"“{printable(labels[0])}”, to 100, if all were “{printable(labels[-1])}”: the best guess, "
-        f"and its range.{unknown}",
+        f"and its range.{unknown}{together}",
         "alternative",
         unfolded=len(names) <= _MOST_UNFOLDED,
     )

@@ -48,6 +48,11 @@ LEAST_CHECKS = 5
 """Checks before the end. Answers by chance pass this many in at most 1 of 32 cases."""
 MOST_CHECKS = 11
 """A person who has not passed after this many checks is told so."""
+_EXPECTED_BY = {  # by whether there are repeats and questions about the order of the levels
+    (True, False): "the same answer as before",
+    (False, True): "an answer that does not go against the order of the levels",
+    (True, True): "the same answer as before, or one not against the order of the levels",
+}
 _RARE = 25  # cases: answers by chance that do so well in one of more are rare
 _MORE_ALIKE = 2  # further checks that must be answered alike for each that was not
 _EVERY = 4  # answers for each check, where the interview wants some
@@ -215,7 +220,7 @@ class Conduct:
 
     @property
     def by_chance(self) -> str:
-        """A sentence on how often guesses would do as well in the checks, and why, or ""."""
+        """Sentences on how often random choices do as well in the checks, and why, or ""."""
         if not self.checks:
             return ""
         cases = self.cases
@@ -226,7 +231,10 @@ class Conduct:
                 f"With the {those} against the order of the levels, {alike} of {self.checks} "
                 "checks were answered as expected. "
             )
-        half = f"{order}Someone who guesses is right in half of the checks"
+        half = (
+            f"{order}A check is passed by {_EXPECTED_BY[bool(self.repeated), n > 0]}. Someone who "
+            "chooses A or B at random passes half of the checks"
+        )
         if cases < 2:
             return f"{half}, and so does as well."
         tell = "So your answers hardly look like guesses."

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from elicit.person.course.conclusion import per_hundred
+from elicit.person.findings import guess_in_words
 from elicit.person.report import (
     STYLE,
     ReportDetails,
@@ -33,8 +34,8 @@ blockquote { margin: .4rem 0; padding: .1rem .9rem; border-left: 3px solid var(-
 _SCALES = (
     "Values go from 0, the worst level, to 100, the best. A level at 60 is as good to the person "
     "as 60 of 100 at the best level and 40 at the worst. The bar is the range, and the dot is the "
-    "best guess. A dashed bar is a level that is not known yet: its range is still wide, or none "
-    "of the person's answers is about it."
+    "best guess. A dashed bar is a level without a best guess. “Not known yet” means that none of "
+    "the person's answers narrows its range, “only roughly” that they leave a wide range."
 )
 
 
@@ -234,7 +235,7 @@ def _agreement(agreed: Mapping[str, Any]) -> Iterator[str]:
 def _value(one: Mapping[str, Any], colour: str) -> str:
     low, high = one["low"], one["high"]
     picture = interval_picture(low, one["value"], high, colour if one["known"] else None)
-    guess = f"{one['value']:.0f}" if one["known"] else "not known yet"
+    guess = guess_in_words(one["value"], one["known"], one.get("rough", False))
     words = f"{low:.0f}" if low == high else f"{guess} ({low:.0f} to {high:.0f})"
     return (
         f'<tr><th scope="row" class="name">{escaped(one["who"])}</th>'

@@ -205,6 +205,7 @@ def agreed_so_far(
                     "high": rows[i].high,
                     "asked": rows[i].asked,
                     "known": rows[i].known,
+                    "rough": rows[i].rough,
                 }
                 for who, rows in scales.items()
             ],

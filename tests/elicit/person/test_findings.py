@@ -3,8 +3,23 @@
 import numpy as np
 import pytest
 
-from elicit import Answer, AnswerLog, Answers, PolytopeComparator, Query, Verdict
-from elicit.person.findings import ScaleRow, is_known, overlap, scale_rows
+from elicit import (
+    Answer,
+    AnswerLog,
+    Answers,
+    PolytopeComparator,
+    PosteriorComparator,
+    Query,
+    Verdict,
+)
+from elicit.person.findings import (
+    ScaleRow,
+    guess_in_words,
+    is_known,
+    overlap,
+    scale_notes,
+    scale_rows,
+)
 
 LABELS = ("died", "ill", "fair", "well")
 
@@ -33,8 +48,54 @@ def test_rows_after_one_answer_say_what_is_known_and_that_ranges_overlap() -> No
     comparator = comparator.update(Answers(query.d[None, :], [-1]))
     rows = {row.label: row for row in scale_rows(comparator, LABELS, log)}
     assert (rows["ill"].low, rows["ill"].high, rows["ill"].known) == (0, 30, True)
-    assert (rows["fair"].asked, rows["fair"].known) == (False, False)
+    assert (rows["fair"].asked, rows["fair"].known, rows["fair"].rough) == (False, False, False)
     assert rows["well"].known
     assert rows["died"].known
     assert overlap([*rows.values()])
     assert not overlap([ScaleRow("well", 100, 100, 100), ScaleRow("died", 0, 0, 0)])
+
+
+@pytest.mark.parametrize(
+    ("known", "rough", "said"),
+    [(True, False, "41"), (False, True, "only roughly"), (False, False, "not known yet")],
+)
+def test_a_level_without_a_best_guess_has_words_in_its_place(
+    known: bool, rough: bool, said: str
+) -> None:
+    assert guess_in_words(40.6, known, rough) == said
+
+
+def test_a_wide_range_after_answers_is_called_rough_and_the_reason_is_said() -> None:
+    """The posterior allows for a slip in any answer, so two of them leave a wide range."""
+    log, rows = AnswerLog(k=4), []
+    for n, (share, verdict) in enumerate([(0.4, Verdict.WORSE), (0.3, Verdict.WORSE)]):
+        query = Query(f"q{n}", np.array([0, 1.0, 0, 0]), np.array([1 - share, 0, 0, share]))
+        log.append(Answer(query, verdict))
+        rows.append(query.d)
+    comparator = PosteriorComparator(4).update(Answers(rows, [-1, -1]))
+    found = scale_rows(comparator, LABELS, log)
+    ill = next(row for row in found if row.label == "ill")
+    assert (ill.asked, ill.known, ill.rough) == (True, False, True)
+    assert (ill.low, ill.high) != (0, 100)
+    notes = " ".join(scale_notes(found, comparator, settled=True))
+    assert "“Not known yet” (dashed): no answer is about it" in notes  # fair
+    assert "“Only roughly” (dashed): any one answer may be a slip" in notes
+    assert "For these levels the result takes about the average " in notes
+    assert "and does not need to know them more exactly" in notes
+    without = [row for row in found if row.label != "fair"]
+    notes = " ".join(scale_notes(without, comparator, settled=True))
+    assert "Not known yet" not in notes
+    assert "For this level the result takes about the average of what is still possible" in notes
+    assert "and does not need to know it more exactly" in notes
+    notes = " ".join(scale_notes(without, PolytopeComparator(4), settled=False))
+    assert "“Only roughly” (dashed): the answers about it leave a wide range." in notes
+    assert notes.count("does not need") == notes.count("slip") == 0
+
+
+def test_an_answer_that_narrows_nothing_leaves_a_level_unknown() -> None:
+    log = AnswerLog(k=4)
+    query = Query("q", np.array([0, 0.5, 0, 0.5]), np.array([0.1, 0.2, 0.3, 0.4]))
+    log.append(Answer(query, Verdict.BETTER))
+    rows = scale_rows(PolytopeComparator(4), LABELS, log)  # which has not learned it
+    ill = next(row for row in rows if row.label == "ill")
+    assert (ill.asked, ill.known, ill.rough) == (True, False, False)

@@ -115,7 +115,7 @@ def test_the_changes_listed_are_the_certain_ones(name: str, seed: int) -> None:
 @pytest.mark.parametrize(
     ("second", "said"),
     [
-        ([0.02, 0.02, 0.96], " The next best is “other”: worth 97 of 100, “first” 100."),
+        ([0.02, 0.02, 0.96], " Nearly as good is “other”: worth 97 of 100, “first” 100."),
         ([0.1, 0.0, 0.9], ""),
     ],
 )
@@ -164,7 +164,7 @@ def test_several_close_alternatives_are_named_with_their_worth_and_shown_in_an_o
     told = InWords(("bad", "middle", "good"), Words(), 0.01)
     found = choice_conclusion(told, names, shares, result, None)
     assert found.headline.endswith(
-        "The next best are worth, of 100: “b” 99, “c” 99, “d” 99; “first” 100. "
+        "Nearly as good are “b” (worth 99 of 100), “c” (99) and “d” (99); “first” is worth 100. "
         "2 more are close too."
     )
     assert found.changes is not None
@@ -222,8 +222,43 @@ def test_an_alternative_that_was_called_equally_good_is_said_to_be(scale: float)
         known = PolytopeComparator(3).update(Answers(rows[:1], [0]))
         found = replace(chosen, answers=answers, comparator=known)
         headline = choice_conclusion(told, names, shares, found, None).headline
-        assert "The next best is “other”: worth " in headline
-        assert ("You called it and “other” equally good." in headline) is called
+        assert " as good is “other”: worth " in headline
+        assert ("You called these two equally good." in headline) is called
+
+
+@pytest.mark.parametrize("status", [Status.DONE, Status.CALLED_EQUAL, Status.UNSURE])
+def test_a_choice_that_need_not_be_the_best_is_only_recommended(status: Status) -> None:
+    shares = np.array([[0.1, 0.2, 0.7], [0.08, 0.23, 0.69], [0.12, 0.18, 0.7]])
+    names = ["first", "other", "third"]
+    told = InWords(("bad", "middle", "good"), Words(), 0.01)
+    rows = [shares[0] - shares[1], shares[0] - shares[2]]
+    found = replace(
+        choose(shares, PolytopeComparator(3), names=names).result(),
+        best=0,
+        name="first",
+        status=status,
+        answers=Answers(rows, [0, 0]),
+        guarantee=lambda: (0.005, 0.95),
+    )
+    conclusion = choice_conclusion(told, names, shares, found, None)
+    word = "best" if status is Status.DONE else "the one to choose"
+    assert conclusion.headline.startswith(f"By your answers “first” is {word}. ")
+    assert conclusion.headline.endswith(" You called “first” as good as “other” and “third”.")
+    assert (
+        conclusion.early == f"By your answers so far “first” is {word}. They are not checked yet."
+    )
+    assert conclusion.sure.endswith("no other alternative is better by more than 0.5 in 100.")
+
+
+@pytest.mark.parametrize(("second", "together"), [([0.02, 0.8, 0.18], True), ([1, 0, 0], False)])
+def test_ranges_that_overlap_are_said_to_move_together(second: list[float], together: bool) -> None:
+    """Both contain the middle level, or only one does, and the other is worth nothing."""
+    shares = np.array([[0.0, 0.8, 0.2], second])
+    told = InWords(("bad", "middle", "good"), Words(), 0.01)
+    result = choose(shares, PolytopeComparator(3), names=["first", "other"]).result()
+    changes = choice_conclusion(told, ["first", "other"], shares, result, None).changes
+    assert changes is not None
+    assert ("The ranges move together" in changes.note) is together
 
 
 def test_alternatives_are_nearly_equal_only_if_that_holds_for_every_plausible_scale() -> None:

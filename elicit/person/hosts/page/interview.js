@@ -33,6 +33,8 @@ export function mount(root, send, options = {}) {
   let beside = null; // the reply to "outlook" for the question on the screen
   let drawn = false; // whether anything was
   let busy = false;
+  let drawings = 0; // how often something was drawn
+  let begun = 0; // `drawings` at the first click of a double click
   let failed = null; // what is to be tried again
   let turn = 0; // counts what was done, to tell that a reply comes too late
   let following = 0;
@@ -216,6 +218,7 @@ export function mount(root, send, options = {}) {
 
   function draw(moved) {
     following += 1;
+    drawings += 1;
     brand.replaceChildren(part("b", "", {}, [screen.title || "Your judgement"]));
     if (screen.title) brand.append(part("span", "soft", {}, ["your judgement"]));
     const stages = { welcome, practice: question, question, conflict: settling, offer, end };
@@ -728,6 +731,16 @@ export function mount(root, send, options = {}) {
     pushed.click();
   }
 
+  // the second click of a double click was meant for what is gone, however slow it is
+  function clicked(event) {
+    if (event.detail < 2) begun = drawings;
+    else if (begun !== drawings) {
+      event.preventDefault();
+      event.stopPropagation();
+    }
+  }
+
+  body.addEventListener("click", clicked, true);
   keys.addEventListener("keydown", pressed);
   window.addEventListener("focus", catchUp);
   document.addEventListener("visibilitychange", catchUp);
@@ -887,7 +900,7 @@ function worth(scale, certainty, notes) {
       part("td", "drawn", { role: "cell" }, [
         interval(low, value, high, colourOf(scale.length - 1 - i, scale.length), known),
       ]),
-      part("td", "number", { role: "cell" }, [known ? String(Math.round(value)) : "not known yet"]),
+      part("td", "number", { role: "cell" }, [guessWords(row)]),
       part("td", "number", { role: "cell" }, [range]),
     ]);
   });
@@ -914,6 +927,10 @@ export function axis() {
   const marks = [0, 50, 100].map((x) => svg("text", { x: `${x}%`, y: 14, "text-anchor": "middle" }, [String(x)]));
   return svg("svg", { class: "axis", "aria-hidden": "true", focusable: "false" }, marks);
 }
+
+// A level's best guess, or words in its place.
+export const guessWords = ({ value, known, rough }) =>
+  known ? String(Math.round(value)) : rough ? "only roughly" : "not known yet";
 
 export function interval(low, value, high, colour, asked) {
   const marks = [0, 25, 50, 75, 100].map((x) => `${x}%`);

@@ -1,7 +1,7 @@
 // The page of whoever runs a study: who has answered how much, links, agreement so far, and the end. The docstrings of
 // elicit/person/study/study.py and elicit/person/hosts/study_app.py say what the messages and the replies are.
 
-import { axis, button, colourOf, interval, part, section, technical } from "./interview.js";
+import { axis, button, colourOf, guessWords, interval, part, section, technical } from "./interview.js";
 import { sender } from "./send.js";
 
 const EVERY = 5000; // ms between two looks at where everybody is
@@ -149,13 +149,13 @@ function agreeing({ few, levels, certainty, questions, groups, people: who }) {
   if (few) return [section("Agreement so far", [part("p", "soft", {}, [few])])];
   const said =
     "Each level's value to each person, from 0, the worst level, to 100, the best. The bar is the range, " +
-    "and the dot is the best guess. A dashed bar is a level that is not known yet: its range is still wide, or none of the person's answers is about it. " +
+    "and the dot is the best guess. A dashed bar is a level without a best guess. “Not known yet” means that none of the person's answers narrows its range, “only roughly” that they leave a wide range. " +
     `The ranges hold ${certainty}.`;
   const rows = levels.flatMap(({ label, each }, i) => [
     part("tr", "first", {}, [part("th", "level", { scope: "rowgroup", colspan: "3" }, [label])]),
     ...each.map((one) => {
       const range = one.low === one.high ? "fixed" : `${one.low} to ${one.high}`;
-      const guess = one.known ? `${Math.round(one.value)} (${range})` : `not known yet (${range})`;
+      const guess = `${guessWords(one)} (${range})`;
       const colour = colourOf(levels.length - 1 - i, levels.length);
       const cells = [
         part("th", "name", { scope: "row" }, [one.who]),

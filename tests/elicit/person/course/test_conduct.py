@@ -124,17 +124,21 @@ def test_checks_are_passed_or_look_like_chance(
         f"With the {those} against the order of the levels, {alike} of {alike + differed} checks "
     )
     order += "were answered as expected. "
-    said = f"{order}Someone who guesses is right in half of the checks, and "
+    guesses = "Someone who chooses A or B at random passes half of the checks, and "
+    keeps = "an answer that does not go against the order of the levels"
+    said = f"{order}A check is passed by {keeps}. {guesses}"
     if "half" in cases:
         assert one.by_chance == f"{said}so does as well."
     else:
         rare = {"32", "28", "30"} & {*cases.split()}
         tell = "So your answers hardly look like guesses."
         tell = tell if rare else "More checks would tell your answers from guesses."
-        said = f"{said}does as well in {cases.replace('cases', 'interviews')[8:]}. {tell}"
+        well = f"does as well in {cases.replace('cases', 'interviews')[8:]}. {tell}"
+        said = f"{said}{well}"
         assert one.by_chance == said
         repeats = replace(one, repeated=one.checks)  # then the screen has counted them already
-        assert repeats.by_chance == said.removeprefix(order)
+        as_before = "A check is passed by the same answer as before. "
+        assert repeats.by_chance == f"{as_before}{guesses}{well}"
     assert (one.caution() is not None) == (chance or (one.checks >= 11 and not passed))
 
 

@@ -909,6 +909,25 @@ def test_the_whole_card_answers(windows: Windows) -> None:
     assert len(windows.entries()) == 1
 
 
+def test_the_second_click_of_a_double_click_does_not_answer_the_next_question(
+    windows: Windows,
+) -> None:
+    """Even if it is so slow that the next question takes answers already."""
+    with served(windows.log) as server:
+        page = windows.open(server)
+        practise(page)
+        for n, answers in ((1, 1), (2, 1)):
+            at(page, f"Question {n}")
+            box = page.locator("[data-choice='a']").bounding_box()
+            page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+            page.mouse.down(click_count=n)
+            page.mouse.up(click_count=n)
+            at(page, "Question 2")
+            assert len(windows.entries()) == answers
+        answer(page, truthfully(page))
+        assert len(windows.entries()) == 2
+
+
 def test_a_button_shows_its_arrow_and_its_letter_and_a_narrow_page_no_keys(
     windows: Windows,
 ) -> None:
