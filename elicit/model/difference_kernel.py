@@ -119,7 +119,7 @@ def near_to(t: Any) -> float:
 
 @compiled
 def marks_within(near: float, p: int) -> float:
-    """Return how far the keys of two tail sums (p,) of the same pair may differ.
+    """Return how far ``mark_of`` may differ between two tail sums (p,) of the same pair.
 
     Two tail sums are of the same pair if no entry of them differs by more than ``near``.
     """

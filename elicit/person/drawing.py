@@ -95,7 +95,8 @@ class Drawing:
         said = f"Settled in {found.settled} of {n} simulations."
         if 2 * found.settled > n or math.isnan(found.loss):
             return said
-        return f"{said} Half of all {n} could fall {per_hundred(found.loss)} short."
+        short = per_hundred(found.loss)
+        return f"{said} In half of all {n} the result could still fall {short} short."
 
     def _before(self, loss: float) -> str:
         """Return a sentence on the loss that was possible before the first answer."""

@@ -383,14 +383,15 @@ def _is_little(told: InWords, loss: float, before: float | None) -> bool:
 
 def policy_nearly(told: InWords, result: Result, before: float | None) -> NearlyEnough | None:
     """Return a statement that the policy so far can lose little, or None."""
-    bound, sure = result.loss_bound, _with_certainty(result, result.confidence)
-    if sure is None or not told.tolerance < bound or not _is_little(told, bound, before):
+    bound = result.loss_bound
+    if np.isnan(result.confidence) or not told.tolerance < bound:
+        return None
+    if not _is_little(told, bound, before):
         return None
     return NearlyEnough(
-        "Your plan is already close to your ideal plan",
-        f"{sure} it falls at most {per_hundred(bound)} short of it. More questions can bring that "
-        f"below {per_hundred(told.tolerance)}.",
-        _size(told, bound, _SHORT, result.confidence),
+        f"Your plan falls at most {per_hundred(bound)} short of your ideal plan",
+        f"{_sure(result)} More questions can bring it below {per_hundred(told.tolerance)}.",
+        _size(told, bound, _SHORT, 1.0),  # how sure it is was said
     )
 
 

@@ -93,7 +93,7 @@ class Cells:
 
     @property
     def rule(self) -> Rule:
-        """The rule for compiled loops: the cell's if there is only one, else dominance alone."""
+        """The rule for compiled loops: the only cell's, or dominance alone if there are more."""
         if len(self.parts) == 1:
             return self.parts[0].scales.rule
         return nothing() if all(part.scales.rule.dominance for part in self.parts) else unaided()

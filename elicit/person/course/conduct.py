@@ -214,7 +214,7 @@ class Conduct:
 
     @property
     def cases(self) -> int:
-        """Number of people who answer by chance of whom one does as well in the checks."""
+        """The n in "1 of n people who answer by chance does at least as well in the checks"."""
         as_well = sum(math.comb(self.checks, n) for n in range(self.differed + 1))
         return int(2**self.checks // as_well)
 

@@ -237,7 +237,10 @@ class OfLength:
 
 
 ALL = "Settled in all 12 simulations."
-OPEN = "Settled in {} of 12 simulations. Half of all 12 could fall {} in 100 short."
+OPEN = (
+    "Settled in {} of 12 simulations. "
+    "In half of all 12 the result could still fall {} in 100 short."
+)
 LENGTH = "Half of the simulated sessions took at most {} questions, about {} minutes."
 
 

@@ -147,7 +147,10 @@ def test_a_truthful_person_is_told_nothing_of_the_kind() -> None:
         assert screen["end"]["caution"] is None
         assert screen["end"]["settled"]
         assert "conflict" not in stages
-        assert {*offers} <= {"Your plan is already close to your ideal plan"}
+        assert all(
+            re.fullmatch(r"Your plan falls at most [\d.]+ in 100 short of your ideal plan", offer)
+            for offer in offers
+        )
         counts = screen["end"]["counts"]
         assert counts["answered"] - counts["cannot tell"] >= 5
         assert counts["repeated"] == counts["alike"] >= 1

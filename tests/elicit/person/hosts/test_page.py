@@ -564,7 +564,10 @@ def test_the_welcome_says_if_nothing_can_be_foreseen(windows: Windows) -> None:
 def test_start_stays_where_it_is_when_forecasts_come_or_go(
     windows: Windows, size: dict[str, int]
 ) -> None:
-    likely = "Settled in 10 of 12 simulations. Half of all 12 could fall 0.53 in 100 short."
+    likely = (
+        "Settled in 10 of 12 simulations. "
+        "In half of all 12 the result could still fall 0.53 in 100 short."
+    )
     length = "Half of the simulated sessions took at most 24 questions, about 8 minutes."
     nothing = {"budgets": [], "settled": ""}
     replies = [
