@@ -67,8 +67,8 @@ then "equal" means equal, to one part in 10^9.
 - **What is promised.** Nobody knows their own tie. Guarantees of confidence 1 (`simultaneous_bounds`) therefore
   allow for twice the `tie` that the comparator was given. Verdicts and `bounds` use the tie itself. If a
   person's "equal" may reach farther than that, give a larger `tie`: the polytope cannot notice. The posterior learns a larger width
-  from a few answers "equal", but its 95% may fail until then. Before 27 November 2026 its prior did not allow for that. Of 25 runs in which simulated
-  persons called more than three in ten pairs equal, [68% of the bounds then held](../benchmarks/RESULTS-promise.md) (47 to 85%). `print(result)` therefore
+  from a few answers "equal", but its 95% may fail until then. In 36 of 37 runs in which simulated persons called more than three in
+  ten pairs equal [the bound held](../benchmarks/RESULTS-promise.md) (86 to 99.9%). Since these are few, `print(result)` still
   warns if three answers in ten or more are "equal", and at least three (`Result.tie_warning`).
 - **What the likelihoods promise.** The posterior's 95% is a promise on average over its prior, and answers are "equal" by Rao and
   Kupper's law, or in one lapse of a hundred. If the last line of this page is of before 27 November 2026, its tables of the posterior are of an older law:
