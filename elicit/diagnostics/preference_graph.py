@@ -186,8 +186,8 @@ def cycles(graph: nx.DiGraph) -> list[Cycle]:
     A circle has at least one answer and at least one step that is not "equal". It is minimal if no
     part of its answers makes a circle. For each step on some circle that is not "equal", the
     function looks for the circle through it with the fewest answers, and of those the one with the
-    fewest steps. If a part of its answers makes a circle too, the result has that circle in its
-    place.
+    fewest steps. If a part of that circle's answers makes a circle too, the result has the
+    smaller circle instead.
 
     An empty list means that, by transitivity alone, the answers contradict neither each other nor
     the order of the levels. Otherwise a comparator for reliable tutors takes all vectors on a cycle

@@ -177,7 +177,10 @@ class _IntegerVertex:
         return vertex
 
     def row(self, c: int) -> tuple[Numbers, int, int]:
-        """Return constraint c in integers: coefficients (p,), limit, and their common factor."""
+        """Return constraint c, multiplied so that it is in integers, and the factor.
+
+        These are the coefficients (p,), the limit, and the power of two that multiplied them.
+        """
         if c not in self._rows:
             whole, unit = _integers(
                 [*self._constraints[c], self._limits[c] if c >= self.region.p else 0.0]

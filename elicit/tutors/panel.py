@@ -96,7 +96,7 @@ class TutorsByTurns(PanelTutor):
         self._asked = 0
 
     def __call__(self, query: Query) -> Answer:
-        """Return the answer of the person whose turn it is, with their name."""
+        """Return the answer of the person whom the query names, else of the next in turn."""
         if query.who is None:
             names = [*self.tutors]
             query = replace(query, who=names[self._asked % len(names)])

@@ -105,7 +105,7 @@ class LossHistory:
         return np.searchsorted(self.asked, np.asarray(asked), side="right") - 1
 
     def frame(self) -> DataFrame:
-        """Return a table with one row for each answer."""
+        """Return the rows as a table: question zero, then one row for each call."""
         from pandas import DataFrame
 
         return DataFrame(self._rows)

@@ -90,7 +90,8 @@ def from_pairs(
 def padded(matrix: sparse.csr_array, read: Flags) -> tuple[Indices, Floats]:
     """Return the non-zero entries of a table as successors and probabilities (S, A, b).
 
-    Only the rows flagged in ``read`` (S, A) count.
+    b is the number of entries of the longest row, and the rest of a row is 0. Rows that are not
+    flagged in ``read`` (S, A) are all 0.
     """
     p = np.where(np.repeat(read.ravel(), np.diff(matrix.indptr)), matrix.data, 0.0)
     matrix = sparse.csr_array((p, matrix.indices, matrix.indptr), shape=matrix.shape, copy=True)

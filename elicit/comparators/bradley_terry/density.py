@@ -38,11 +38,12 @@ class ParticlePrior(NamedTuple):
 
     The gaps g follow a mixture of Dirichlet(a) over shapes a; their log density depends on S = sum
     log g alone. The precision has log c ~ N(mean, sd^2). If ``fixed`` > 0, it is the known
-    precision, and of the coordinates of theta only the ratios count. If ``lapse`` >= 0, it is the
-    known lapse. If ``lapse`` is negative, the lapse is a coordinate, which is Beta(a, b) a priori,
-    but at least LEAST_LAPSE. If ``tie`` > 0, the width w of EQUAL is a coordinate: log w is
-    logistic a priori, with median log ``tie`` and scale 1, but w is at most the value range. Gaps,
-    precision and lapse may instead follow the law of a kind of earlier people.
+    precision, and the coordinates of theta then give only the ratios of the gaps. If ``lapse`` >=
+    0, it is the known lapse. If ``lapse`` is negative, the lapse is a coordinate, which is Beta(a,
+    b) a priori, but at least LEAST_LAPSE. If ``tie`` > 0, the width w of EQUAL is a coordinate: log
+    w is logistic a priori, with median log ``tie`` and scale 1, but w is at most the value range.
+    If there are ``kinds``, the law of gaps, precision and lapse is a mixture of this general one
+    and of one for each kind of earlier people.
     """
 
     shapes: Floats  # (nodes,), at most BLOCK

@@ -343,7 +343,7 @@ def in_order(terms: Floats) -> Floats:
 
 
 def elementwise(function: Callable[[float], float], numbers: Floats) -> Floats:
-    """Return a function of ``math``, applied to each of the numbers (q,).
+    """Apply a function of ``math`` to each of the numbers (q,), and return the results.
 
     NumPy's own functions differ from those of ``math`` in their last bits.
     """

@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 
 
 class PolytopeComparator:
-    """The polytope K_t of all scales that are consistent with the answers.
+    """The polytope K_t of all scales that are consistent with all answers but at most ``wrong``.
 
     A scale in K_t has at least ``margin`` (eta) between neighbouring levels and satisfies the prior
     inequalities A e >= b. It also satisfies each answer: d.e >= 0, d.e <= 0 or, for "equal", |d.e|
@@ -153,7 +153,10 @@ class PolytopeComparator:
 
     @property
     def refuted(self) -> tuple[tuple[int, str], ...]:
-        """Answers that must be wrong, as (row, id): they are wrong under every scale of K_t."""
+        """Answers that are wrong under every scale of K_t, as (row, id).
+
+        With ``wrong`` = 0 there are none.
+        """
         wrong = [] if self._cells is None else [set(part.wrong) for part in self._cells.parts]
         return tuple(
             (row, self.answers.ids[row])

@@ -72,9 +72,10 @@ def sweep(states: Any, work: Work, model: MdpArrays, deciding: DecidingArrays, o
     Each action is compared with the best of those before it. Return the number of states reached.
     The sweep stops if there may be no room to keep the next state's comparisons.
 
-    If the tutor is an oracle that answers everything, it is asked about one challenger of each
-    state, so that all states take turns. The state's code is then ANSWERED. The sweep stops after a
-    state for which the oracle returns LEFT_OPEN.
+    If there is an oracle, a simulated tutor that answers in place of the comparator, one challenger
+    of each state is compared, by order, a certificate or the oracle, so that all states take turns.
+    The state's code is then ANSWERED. The sweep stops after a state for which the oracle returns
+    LEFT_OPEN.
     """
     rule, asking, oracle, certificates, kept, _, _ = deciding
     keeps = len(kept.tiers) > 0
