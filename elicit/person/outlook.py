@@ -19,6 +19,7 @@ from elicit.model.difference import tail_sums
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats
 from elicit.person.asker import Asker, Compares, tell
+from elicit.person.course.conclusion import listed
 from elicit.person.course.conduct import LEAST_CHECKS
 from elicit.person.course.forecast import Stated, rise
 from elicit.person.showing import Shown, printable
@@ -265,21 +266,15 @@ def what_is_open(shown: Shown, comparator: Comparator) -> str | None:
         share = trusted_share(comparator)
         apiece = " each" if len(known) > 1 else ""
         sure = "" if share is None else f" (with {share:.0%} probability{apiece})"
-        each = _listed([f"{labels[j]} is between {a} and {b}" for j, (a, b) in known.items()])
+        each = listed([f"{labels[j]} is between {a} and {b}" for j, (a, b) in known.items()])
         widen = "" if share is None else f" {_WIDEN}"
         said.append(f"So far {each}{sure}, on the scale {scale}.{widen}")
     if named:
         where = "on that scale" if known else scale.replace("from", "on the scale from", 1)
-        said.insert(0, f"We don't yet know how good {_listed(named)} {_is(named)}, {where}.")
+        said.insert(0, f"We don't yet know how good {listed(named)} {_is(named)}, {where}.")
         if known:
             said.reverse()
     return " ".join(said) or None
-
-
-def _listed(names: Sequence[str]) -> str:
-    """Return names in a sentence: "a, b and c"."""
-    *first, last = names
-    return f"{', '.join(first)} and {last}" if first else last
 
 
 def _is(names: Sequence[str]) -> str:

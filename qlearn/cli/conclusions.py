@@ -24,6 +24,7 @@ from elicit.person.course.conclusion import (
     NearlyEnough,
     ResultTable,
     in_unit,
+    listed,
     no_more,
     per_hundred,
 )
@@ -146,15 +147,17 @@ def _within(loss: float, so_far: bool = False) -> str:
     return f"{start}{said}" if so_far else _capital(said)
 
 
-def _size(told: InWords, loss: float, what: str, confidence: float) -> str:
+def _size(told: InWords, loss: float, what: str, confidence: float | None) -> str:
     """Return sentences on how much a loss is, in the problem's own unit, or "" if unknown.
 
     Nothing is said of a loss that is shown as none, because "as if 0 in 100 patients died" has no
-    size. ``what`` is the loss in words, between "At most" and its size.
+    size. ``what`` is the loss in words, between "At most" and its size. ``confidence`` is None if
+    it is said elsewhere how sure that is.
     """
     if np.isnan(loss) or loss < NO_LOSS:
         return ""
-    sure = f" (with {confidence:.0%} probability)" if 0.0 < confidence < 1.0 else ""
+    unsure = confidence is not None and 0.0 < confidence < 1.0
+    sure = f" (with {confidence:.0%} probability)" if unsure else ""
     return f"At most{sure}, {what} {told.loss(loss)}. This is a measure of size, not a forecast."
 
 
@@ -391,7 +394,7 @@ def policy_nearly(told: InWords, result: Result, before: float | None) -> Nearly
     return NearlyEnough(
         f"Your plan falls at most {per_hundred(bound)} short of your ideal plan",
         f"{_sure(result)} More questions can bring it below {per_hundred(told.tolerance)}.",
-        _size(told, bound, _SHORT, 1.0),  # how sure it is was said
+        _size(told, bound, _SHORT, None),
     )
 
 
@@ -420,15 +423,15 @@ def choice_nearly(
         return None
     size = _size(told, loss, _BETTER, confidence)
     near.sort(key=lambda i: -points[i])
-    *some, last = [f"“{printable(names[i])}”" for i in near]
-    if not some:
+    near_names = listed([f"“{printable(names[i])}”" for i in near])
+    if len(near) == 1:
         return NearlyEnough(
-            f"{last} is the best for you, or nearly so",
+            f"{near_names} is the best for you, or nearly so",
             f"{sure} {_none_better(loss)}.",
             size,
         )
     return NearlyEnough(
-        f"{', '.join(some)} and {last} are nearly equal to you",
+        f"{near_names} are nearly equal to you",
         f"Whichever of them you choose, you lose little: {sure[0].lower()}{sure[1:]} "
         f"{_none_better(loss)}.",
         size,
@@ -527,7 +530,7 @@ def _next_best(told: InWords, names: Sequence[str], shares: Floats, result: Choi
         each += [f"{one} ({value})" for one, value in zip(some[1:], worth[1:], strict=True)]
         more = len(near) - len(named)
         rest = f" {more} more {'is' if more == 1 else 'are'} close too." if more else ""
-        said = f"{as_good} are {_listed(each)}; {name} is worth {top}.{rest}"
+        said = f"{as_good} are {listed(each)}; {name} is worth {top}.{rest}"
     told_equal = _directions(result.answers.d[result.answers.y == 0])
     apart = _directions(shares[best] - shares)
     called = [f"“{printable(names[i])}”" for i in near if _among(apart[i], told_equal)]
@@ -535,13 +538,7 @@ def _next_best(told: InWords, names: Sequence[str], shares: Floats, result: Choi
         return said
     if len(near) == 1:
         return f"{said} You called these two equally good."
-    return f"{said} You called {name} as good as {_listed(called)}."
-
-
-def _listed(texts: Sequence[str]) -> str:
-    """Return texts joined by commas, and "and" before the last."""
-    *some, last = texts
-    return f"{', '.join(some)} and {last}" if some else last
+    return f"{said} You called {name} as good as {listed(called)}."
 
 
 def _directions(d: Floats) -> Floats:

@@ -129,6 +129,12 @@ def no_more(confidence: float | None) -> str:
     return f", with {confidence:.0%} probability not more"
 
 
+def listed(names: Sequence[str]) -> str:
+    """Return names in a sentence: "a, b and c"."""
+    *first, last = names
+    return f"{', '.join(first)} and {last}" if first else last
+
+
 def per_hundred(share: float) -> str:
     """Return a share of the value range as a text such as "3.8 in 100".
 
