@@ -258,7 +258,8 @@ class Beside(Closing):
             self._pace = pace = Pace.of(self._session.log)
             numbers = [pace.questions_in(minutes) for minutes in MINUTES]
             subject = self._subject
-            prospects = Prospects(twin, numbers, subject.seed, self._ends, subject.enough)
+            enough = None if subject.enough_is_slow else subject.enough
+            prospects = Prospects(twin, numbers, subject.seed, self._ends, enough)
             self._prospects = self._company.foresee(prospects, self._background)
 
     def prospects(self, started: bool) -> dict[str, Any]:
@@ -353,7 +354,9 @@ class Beside(Closing):
         session, subject, now = self._session, self._subject, self._beside
         asker = session.current_asker()
         enough, more = subject.enough, self._chosen.more
-        asks_on = bool(subject.least) and enough is not None and not enough(session.result())
+        if not subject.least or (subject.enough_is_slow and session.next_told() is not None):
+            enough = None
+        asks_on = enough is not None and not enough(session.result())
         self._levels_left = None
         if (more or asks_on) and isinstance(asker, Compares):
             self._levels_left = questions_left(asker.comparator)

@@ -14,7 +14,13 @@ from elicit.model.comparator_parts import trusted_share
 from elicit.model.query import Verdict
 from elicit.person.asker import Compares, Supposed
 from elicit.person.course.choices import Choices
-from elicit.person.course.conclusion import Conclusion, in_unit, no_more, per_hundred
+from elicit.person.course.conclusion import (
+    NOT_A_FORECAST,
+    Conclusion,
+    in_unit,
+    no_more,
+    per_hundred,
+)
 from elicit.person.course.conduct import Conduct, choice_of, was_settled
 from elicit.person.course.counts import Counts, in_answers, numbered
 from elicit.person.course.drift import Drift
@@ -106,7 +112,7 @@ class Drawing:
         level = trusted_share(asker.comparator) if isinstance(asker, Compares) else None
         return (
             f"Without your answers the result could fall {per_hundred(loss)} short of your ideal "
-            f"one{no_more(level)}. That is {most}."
+            f"one{no_more(level)}. That is {most}. {NOT_A_FORECAST}"
         )
 
     def _conflicts_found(self) -> tuple[tuple[Entry, ...], ...]:

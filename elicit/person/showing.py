@@ -133,6 +133,8 @@ class Subject:
         Returns whether the outcome of ``Session.result`` is sure enough to end once the asker has
         no question. Until then the interview asks about the levels of which most is open. Default:
         it always is.
+    enough_is_slow : bool
+        True if ``enough`` may take seconds. Then it is asked only once the asker has no question.
     nearly : callable
         Takes what ``conclude`` takes. Returns a statement that little could be lost by stopping,
         although questions are left, or None. The interview then offers to stop.
@@ -153,6 +155,7 @@ class Subject:
     )
     facts: SessionFacts = field(default_factory=SessionFacts)
     enough: Callable[[Any], bool] | None = field(default=None, repr=False)
+    enough_is_slow: bool = False
     nearly: Callable[[Any, float | None], NearlyEnough | None] = field(
         default=_nothing_is_near, repr=False
     )

@@ -24,15 +24,18 @@ from elicit.person.course.conclusion import SessionFacts, per_hundred
 from elicit.person.interview import Subject
 from elicit.person.showing import Words
 from elicit.tutors.answer_log import AnswerLog
-from qlearn.cli.conclusions import (
-    InWords,
+from qlearn.cli.conclusions.choice import (
     choice_conclusion,
     choice_holds,
     choice_nearly,
     choice_stakes,
-    icu_dose,
-    icu_state,
+)
+from qlearn.cli.conclusions.decided_plan import DecidedPlans
+from qlearn.cli.conclusions.icu import ICU_LEGEND, icu_dose, icu_states
+from qlearn.cli.conclusions.in_words import InWords
+from qlearn.cli.conclusions.plan import (
     policy_conclusion,
+    policy_holds,
     policy_nearly,
     policy_stakes,
 )
@@ -125,8 +128,9 @@ def taught_by(
     finer = f"For finer ones start again with --days {2 * days}: what you answered stays."
     names = icu_dose if problem == "icu-sepsis" else mdp.action_name
     said = ("patient states", "treatment") if problem == "icu-sepsis" else ("states", "plan")
-    state_words = icu_state if problem == "icu-sepsis" else str
+    state_words = icu_states(mdp) if problem == "icu-sepsis" else str
     told = InWords(mdp.labels, words, tolerance, *said, legend, state_words)
+    plans = DecidedPlans(mdp, tolerance)
     subject = Subject(
         mdp.labels,
         words,
@@ -134,11 +138,13 @@ def taught_by(
         stakes=partial(policy_stakes, told),
         finer=finer,
         seed=seed,
-        conclude=partial(policy_conclusion, told, mdp, names),
+        conclude=partial(policy_conclusion, told, plans, names),
         facts=_facts(
             problem, header, comparator, seed, ("Tolerance", per_hundred(tolerance)), like=like
         ),
-        nearly=partial(policy_nearly, told),
+        enough=partial(policy_holds, told, plans),
+        enough_is_slow=True,
+        nearly=partial(policy_nearly, told, plans),
         source=words.source_sentence,
     )
 
@@ -197,6 +203,8 @@ def _facts(
 ) -> SessionFacts:
     """Return the facts that a report names."""
     name = problem if isinstance(problem, str) else problem.name
+    if name.lower().endswith(".csv"):
+        name = Path(name).name
     assumed = {
         "polytope": "It assumes that every answer you gave is right. One wrong answer can make it "
         "wrong.",
@@ -209,7 +217,10 @@ def _facts(
         limits.append("“As if patients died” gives lost value a size that is easy to picture.")
     if like:
         people = f"{len(like)} earlier {'person' if len(like) == 1 else 'people'}"
-        more = (*more, ("Prior", f"learned from {people}: {', '.join(map(str, like))}"))
+        more = (
+            *more,
+            ("Prior", f"learned from {people}: {', '.join(Path(one).name for one in like)}"),
+        )
     of = (
         ("Problem", f"{name} ({header['problem'][:12]})"),
         ("Comparator", f"{comparator}{_KINDS.get(comparator, '')}"),
@@ -251,9 +262,7 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
     )
     legend = (
         "Not advice for treatment: the plan comes from a statistical model of recorded "
-        "treatments. In many states it is not what a doctor would do. "
-        "A state is a cluster of similar patients. Doses are for 4 hours: low, medium, high and "
-        "very high are quarters of the doses given."
+        f"treatments. In many states it is not what a doctor would do. {ICU_LEGEND}"
     )
     words = Words(
         "patients",

@@ -337,9 +337,9 @@ def _table_lines(table: dict[str, Any]) -> Iterator[str]:
         if table["of"] == "state":
             other, mine, why = cells
             yield f"  - {first}: {mine}, not {other} ({why})"
-        elif table["of"] == "open state":
+        elif table["of"] == "undecided state":
             other, mine, why = cells
-            yield f"  - {first}: perhaps {mine} in place of {other} ({why})"
+            yield f"  - {first}: {other}, perhaps {mine} ({why})"
         else:
             each = zip(table["columns"][1:], cells, strict=True)
             yield f"  - {first}: {', '.join(f'{name} {cell}' for name, cell in each)}"

@@ -36,6 +36,7 @@ ORDER = (  # a folder imports from those before it; folders side by side do not 
     ("qlearn.training",),
     ("qlearn.experiments",),
     ("qlearn.paper",),
+    ("qlearn.cli.conclusions",),
     ("qlearn.cli",),
     ("qlearn",),
 )

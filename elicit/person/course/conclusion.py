@@ -119,14 +119,25 @@ NO_LOSS = 1e-5
 """
 
 
-def no_more(confidence: float | None) -> str:
-    """Return the end of a clause that states a bound: how sure it is, or "" if it is proven.
+NOT_A_FORECAST = "This is a measure of size, not a forecast of what will happen."
+"""The sentence beside a loss in a problem's own unit."""
 
-    It follows what "could" be lost. ``confidence`` is None, or nan, if it is not known.
+
+def with_probability(confidence: float | None) -> str:
+    """Return how sure a bound is, as "with 95% probability", or "" if there is no such number.
+
+    There is none for a bound that is proven (1), and for one whose confidence is not known (None or
+    nan).
     """
     if confidence is None or not 0.0 < confidence < 1.0:
         return ""
-    return f", with {confidence:.0%} probability not more"
+    return f"with {confidence:.0%} probability"
+
+
+def no_more(confidence: float | None) -> str:
+    """Return the end of a clause that states what "could" be lost: how sure that is, or ""."""
+    sure = with_probability(confidence)
+    return f", {sure} not more" if sure else ""
 
 
 def listed(names: Sequence[str]) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from elicit.person.course.conclusion import per_hundred
+from elicit.person.course.conclusion import per_hundred, with_probability
 from elicit.person.findings import guess_in_words
 from elicit.person.report import (
     STYLE,
@@ -147,8 +147,7 @@ def study_page(
 
 def stated_probability(people: Sequence[PersonFound]) -> str:
     """Return the probability with which bounds on losses hold, in words; "" if they are proven."""
-    some = sorted({f"{one.confidence:.0%}" for one in people if 0.0 < one.confidence < 1.0})
-    return f"with {' or '.join(some)} probability" if some else ""
+    return " or ".join(sorted({with_probability(one.confidence) for one in people} - {""}))
 
 
 def _in_short(

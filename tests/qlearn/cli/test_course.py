@@ -21,7 +21,13 @@ from elicit.model.outcomes import Status
 from elicit.person.course.conduct import ORDER
 from elicit.person.course.offers import NEARLY_FROM
 from elicit.person.outlook import Prospects
-from qlearn import expected_bounds, policy_loss, random_mdp
+from qlearn import (
+    equal_gaps_policy,
+    evaluate_policy,
+    expected_bounds,
+    policy_loss,
+    random_mdp,
+)
 from qlearn.cli.teach_subjects import Taught, taught_by
 from tests.thoroughness import quick_first, scaled
 
@@ -185,15 +191,19 @@ def test_after_few_answers_only_what_holds_for_every_plausible_scale_is_claimed(
             person.step()
         end = interview.handle({"do": "finish"})["end"]
         assert not end["settled"]
-        scales, result = plausible(session, scaled(60, 400)), session.result()
+        scales = plausible(session, scaled(60, 400))
         assert len(scales) > 20
         bound = re.search(
             r"It could still fall ([\d.]+) in 100 short of your ideal plan\.", end["headline"]
         )
         assert (bound is None) == (answers == 0)
+        plan = np.array([int(row["action"]) for row in interview.table("plan")])
         if bound:
-            lost = max(policy_loss(MDP, result.policy, scale).max() for scale in scales)
+            lost = max(policy_loss(MDP, plan, scale).max() for scale in scales)
             assert lost <= float(bound[1]) / 100
+        equal = equal_gaps_policy(MDP)
+        gained = (evaluate_policy(MDP, plan) - evaluate_policy(MDP, equal)) @ scales.T
+        assert gained.min() >= -1e-9  # where nothing is decided it is the plan for equal steps
         for row, values_of in zip(reversed(end["scale"]), 100 * scales.T, strict=True):
             assert row["low"] <= values_of.min() + 1e-9
             assert values_of.max() - 1e-9 <= row["high"]
@@ -205,14 +215,22 @@ def test_after_few_answers_only_what_holds_for_every_plausible_scale_is_claimed(
             assert not end["sure"]
         names = {MDP.state_name(s): s for s in range(MDP.n_states)}
         listed = end["changes"]["rows"] if end["changes"] else []
+        q = action_values(plan)
         for state, other, mine, _ in listed:
             s, (a, b) = names[state], (int(mine), int(other))
-            assert (((result.q[s, a] - result.q[s, b]) @ scales.T) > 0).all()
+            assert plan[s] == a
+            assert (((q[s, a] - q[s, b]) @ scales.T) > 0).all()
         table = {row["state"]: row["change"] for row in interview.table("plan")}
         certain = [state for state, change in table.items() if change == "certain"]
         assert certain == [row[0] for row in listed]
         unknown = [row["value"] is None for row in interview.table("scale")]
         assert unknown == [not row["known"] for row in end["scale"]]
+
+
+def action_values(plan: Any) -> Any:
+    """The vector values (S, A, k) of each action of the MDP, before a plan."""
+    after = (MDP.transitions @ evaluate_policy(MDP, plan)).reshape(*MDP.levels.shape, MDP.k)
+    return (1 - MDP.discount) * np.eye(MDP.k)[MDP.levels] + MDP.discount * after
 
 
 @pytest.mark.slow
@@ -226,9 +244,10 @@ def test_with_a_posterior_changes_are_listed_if_they_hold_with_its_confidence() 
         end = interview.handle({"do": "finish"})["end"]
         result = session.result()
         names = {MDP.state_name(s): s for s in range(MDP.n_states)}
+        q = action_values(np.array([int(row["action"]) for row in interview.table("plan")]))
         for state, other, mine, _ in end["changes"]["rows"]:
             s, (a, b) = names[state], (int(mine), int(other))
-            d = (result.q[s, a] - result.q[s, b])[None, :]
+            d = (q[s, a] - q[s, b])[None, :]
             assert result.comparator.probability(d)[0] >= 0.95 - 1e-9
             listed += 1
         assert listed
@@ -397,7 +416,9 @@ def test_who_stops_early_is_not_told_that_the_plan_is_settled() -> None:
         Interview(session, told.subject) as interview,
     ):
         person = Person(interview, truthful(np.array([0, 0.2, 0.45, 0.7, 1.0])))
-        while session.result().loss_bound > 0.1 or person.screen["stage"] != "question":
+        while person.screen["stage"] != "question" or not (
+            told.subject.conclude(session.result(), None).settled
+        ):
             person.step()
         end = interview.handle({"do": "finish"})["end"]
         assert not end["settled"]

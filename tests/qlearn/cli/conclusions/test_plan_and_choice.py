@@ -17,62 +17,95 @@ from elicit import (
     Words,
     choose,
 )
-from qlearn import InteractivePolicyIteration, equal_gaps_policy, random_mdp
-from qlearn.cli.conclusions import (
-    InWords,
-    choice_conclusion,
-    choice_nearly,
-    choice_stakes,
-    policy_conclusion,
-    policy_nearly,
-    policy_stakes,
+from elicit.model.comparator_parts import simultaneous_bounds
+from qlearn import (
+    InteractivePolicyIteration,
+    OrdinalMDP,
+    equal_gaps_policy,
+    evaluate_policy,
+    loss_bound,
+    policy_loss,
+    random_mdp,
 )
+from qlearn.cli.conclusions.choice import choice_conclusion, choice_nearly, choice_stakes
+from qlearn.cli.conclusions.decided_plan import DecidedPlans
+from qlearn.cli.conclusions.in_words import InWords
+from qlearn.cli.conclusions.plan import policy_conclusion, policy_nearly, policy_stakes
 from qlearn.learners.learner import Result
 
 MAKERS: dict[str, tuple[Any, str]] = {
-    "polytope": (PolytopeComparator, "for every scale that fits your answers."),
+    "polytope": (PolytopeComparator, "for every scale that fits your answers"),
     "posterior": (
         lambda k: PosteriorComparator(k, particles=300, seed=0),
-        "with 95% probability.",
+        "with 95% probability",
     ),
 }
 
 
+def share_vectors(mdp: OrdinalMDP, plan: Any) -> Any:
+    """The vector values (S, A, k) of each action, before a plan."""
+    after = np.einsum("sat,tk->sak", dense(mdp), evaluate_policy(mdp, plan))
+    now = np.eye(mdp.k)[mdp.levels]
+    return (1 - mdp.discount) * now + mdp.discount * after
+
+
+def dense(mdp: OrdinalMDP) -> Any:
+    return mdp.transitions.toarray().reshape(mdp.n_states, mdp.n_actions, mdp.n_states)
+
+
 @pytest.mark.parametrize("seed", [0, 3])
 @pytest.mark.parametrize("name", MAKERS)
-def test_the_changes_listed_are_the_certain_ones(name: str, seed: int) -> None:
+def test_a_plan_changes_only_what_is_certain_and_says_what_is_not_decided(
+    name: str, seed: int
+) -> None:
     mdp, values = random_mdp(8, 3, 4, 0.9, seed=seed)
     make, sure = MAKERS[name]
     told, tutor = InWords(mdp.labels, Words(), 1e-4), FlippingTutor(values, 0.0)
     learner = InteractivePolicyIteration(mdp, make(4), tolerance=1e-4, bags=Bags(days=10))
     equal, found, clauses = equal_gaps_policy(mdp), set(), 0
+    plans = DecidedPlans(mdp, told.tolerance)
     for _ in range(10):
         result = learner.result()
-        found_now = policy_conclusion(told, mdp, mdp.action_name, result, None)
-        changes, plan = found_now.changes, found_now.plan
+        found_now = policy_conclusion(told, plans, mdp.action_name, result, None)
+        changes, plan, table = found_now.changes, found_now.plan, found_now.result
         assert changes is not None
         assert plan is not None
+        assert table is not None
+        taken = np.array([int(row[1]) for row in plan.rows])
         states = np.flatnonzero(equal != result.policy)
-        d = result.q[states, result.policy[states]] - result.q[states, equal[states]]
-        certain = states[result.comparator.compare(d) == 1] if len(states) else states
+        q = share_vectors(mdp, taken)
+        d = q[states, result.policy[states]] - q[states, equal[states]]
+        certain = states[taken[states] == result.policy[states]]
+        if len(certain):
+            held = d[np.isin(states, certain)]
+            assert (result.comparator.compare(held) == 1).all()
+        others = np.setdiff1d(np.arange(8), certain)
+        assert (taken[others] == equal[others]).all()
         assert [row[:3] for row in changes.rows] == [
             (mdp.state_name(s), mdp.action_name(equal[s]), mdp.action_name(result.policy[s]))
             for s in certain.tolist()
         ]
         n, rest = len(certain), len(states) - len(certain)
-        said_of = dict.fromkeys(states.tolist(), "changed, not certain")
-        said_of |= dict.fromkeys(certain.tolist(), "changed, certain")
-        assert [*plan.rows] == [
-            (mdp.state_name(s), mdp.action_name(result.policy[s]), said_of.get(s, "not changed"))
-            for s in range(8)
+        said_of = dict.fromkeys(states.tolist(), "not decided")
+        said_of |= dict.fromkeys(certain.tolist(), "changed")
+        assert [row[2] for row in plan.rows] == [
+            said_of.get(s, "as with equal steps") for s in range(8)
+        ]
+        to_keep = {"changed": "certain", "not decided": "not decided"}
+        assert [(row[0], int(row[2]), row[4]) for row in table.rows] == [
+            (mdp.state_name(s), taken[s], to_keep.get(said_of.get(s, ""), "none")) for s in range(8)
         ]
         still_open = [] if changes.open is None else [row[0] for row in changes.open.rows]
         assert still_open == [mdp.state_name(s) for s in states.tolist() if s not in certain]
+        undecided = f" Your answers do not decide {rest} of 8 states: there the plan keeps "
+        assert (undecided in found_now.sure) == (rest > 0)
         if changes.open is not None:
-            assert changes.open.title == f"Still open in {rest} of 8 states"
+            assert changes.open.title == f"Not decided by your answers in {rest} of 8 states"
+            assert all(
+                row[1] == mdp.action_name(equal[names_of(mdp)[row[0]]]) for row in changes.open.rows
+            )
         found.add((min(n, 2), min(rest, 1)))
-        each = "each " if n > 1 and name == "posterior" else ""
-        held = "This change holds" if n == 1 else "These changes hold"
+        held_so = "This change is better" if n == 1 else "Each of these changes is better"
         title, note = {
             (False, False): ("Your answers do not change the plan", ""),
             (False, True): (
@@ -81,14 +114,18 @@ def test_the_changes_listed_are_the_certain_ones(name: str, seed: int) -> None:
             ),
         }.get(
             (n > 0, rest > 0),
-            (f"In {n} of 8 states your answers change the plan", f" {held} {each}{sure}"),
+            (
+                f"In {n} of 8 states your answers change the plan",
+                f" {held_so} {sure}, if the rest of the plan is as here.",
+            ),
         )
         if n and rest:
-            note += f" In {rest} more your answers may change it, but that is still open."
+            note += f" In {rest} more your answers may change it, but do not decide it."
         assert changes.title == title
         if len(states):
             note += " “Why” names the level that matters most, and its value with equal steps."
-        assert changes.note.strip() == f"Compared with equal steps between the levels.{note}"
+        steps = "equal steps between the levels (each better than the one below it by the same "
+        assert changes.note.strip() == f"Compared with {steps}amount).{note}"
         for state, row in zip(certain.tolist(), changes.rows, strict=True):
             why, more = row[3], d[states.tolist().index(state)]
             if why != "what follows in the rest of the plan":
@@ -110,6 +147,38 @@ def test_the_changes_listed_are_the_certain_ones(name: str, seed: int) -> None:
         learner.tell([tutor(query) for query in queries])
     assert len(found) >= 3  # kinds of tables
     assert clauses
+
+
+def names_of(mdp: OrdinalMDP) -> dict[str, int]:
+    """The states by name."""
+    return {mdp.state_name(s): s for s in range(mdp.n_states)}
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("name", MAKERS)
+def test_the_bound_on_a_plan_of_what_is_decided_holds_and_it_beats_equal_steps(
+    name: str, seed: int
+) -> None:
+    mdp, values = random_mdp(8, 3, 4, 0.9, seed=seed)
+    learner = InteractivePolicyIteration(mdp, MAKERS[name][0](4), tolerance=0.01, bags=Bags(10))
+    plans, tutor, mixed = DecidedPlans(mdp, 0.01), FlippingTutor(values, 0.0), 0
+    for _ in range(8):
+        result = learner.result()
+        found = plans.of(result)
+        bound, least = found.guarantee.loss_bound, loss_bound(mdp, found.policy, result.comparator)
+        if name == "polytope":
+            assert policy_loss(mdp, found.policy, values).max() <= bound + 1e-9
+        assert least.loss_bound <= bound * 1.02 + 1e-9  # which is about as exact
+        assert bound <= max(0.01, 1.1 * result.loss_bound, least.loss_bound) + 1e-9
+        assert plans.of(learner.result()) is found  # it is made once
+        better = evaluate_policy(mdp, found.policy) - evaluate_policy(mdp, found.equal)
+        if name == "polytope":
+            assert (simultaneous_bounds(result.comparator, -better)[0] <= 1e-9).all()
+        mixed += bool(found.leaning)
+        if not (queries := learner.ask()):
+            break
+        learner.tell([tutor(query) for query in queries])
+    assert mixed or seed
 
 
 @pytest.mark.parametrize(
@@ -135,8 +204,8 @@ def test_how_sure_a_bound_is_stands_beside_it_unless_it_is_proven(name: str) -> 
     make, _ = MAKERS[name]
     told = InWords(mdp.labels, Words(), 1e-4)
     learner = InteractivePolicyIteration(mdp, make(4), tolerance=1e-4, bags=Bags(days=10))
-    result = learner.result()
-    found = policy_conclusion(told, mdp, mdp.action_name, result, 0.2)
+    result, plans = learner.result(), DecidedPlans(mdp, told.tolerance)
+    found = policy_conclusion(told, plans, mdp.action_name, result, 0.2)
     stakes = policy_stakes(told, result)
     assert stakes is not None
     if name == "posterior":
@@ -190,7 +259,7 @@ def test_no_size_is_given_to_a_loss_of_nothing(monkeypatch: pytest.MonkeyPatch) 
         monkeypatch.setattr(Result, "loss_bound", loss)
         found = [
             choice_conclusion(told, names, shares, choice, 0.5),
-            policy_conclusion(plan_told, mdp, mdp.action_name, plan, 0.5),
+            policy_conclusion(plan_told, DecidedPlans(mdp, 0.01), mdp.action_name, plan, 0.5),
         ]
         said = [
             choice_stakes(told, choice) or "",
@@ -298,11 +367,12 @@ def test_a_plan_is_close_only_if_the_loss_is_little_and_less_than_at_first() -> 
     for _ in range(3):
         learner.tell([tutor(query) for query in learner.ask()])
     result = learner.result()
-    loss = result.loss_bound
+    loss = DecidedPlans(mdp, 1e-4).of(result).guarantee.loss_bound
     assert loss > 0
 
     def said(tolerance: float, before: float | None) -> Any:
-        return policy_nearly(InWords(mdp.labels, Words(), tolerance), result, before)
+        told, plans = InWords(mdp.labels, Words(), tolerance), DecidedPlans(mdp, tolerance)
+        return policy_nearly(told, plans, result, before)
 
     assert said(loss / 5, None) is None  # too much
     assert said(loss, None) is None  # the plan is settled

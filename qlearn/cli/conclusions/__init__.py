@@ -1,0 +1,1 @@
+"""Conclusions of ``qlearn teach``: a policy or a choice, in words and tables."""

@@ -1,0 +1,263 @@
+"""The conclusion about a choice among alternatives, in words, with the worth of each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from elicit._support.fixed_order import product
+from elicit.asking.choose_from_list import Choice
+from elicit.model.comparator import bounds_of
+from elicit.model.comparator_parts import best_guess, simultaneous_bounds, wrong_of
+from elicit.model.difference import tail_sums
+from elicit.model.outcomes import Status, assumed_of_answers
+from elicit.model.scale import Floats
+from elicit.person.course.conclusion import (
+    NO_LOSS,
+    Conclusion,
+    NearlyEnough,
+    ResultTable,
+    listed,
+    no_more,
+    per_hundred,
+    with_probability,
+)
+from elicit.person.showing import printable
+from qlearn.cli.conclusions.in_words import (
+    InWords,
+    capital,
+    is_little,
+    size_and_end,
+    size_of,
+    sure_of,
+    until,
+)
+
+_MOST_UNFOLDED = 12  # alternatives up to which their table stands open on the screen
+_ROUNDED = 0.5  # of 100: less than that cannot be told from the ranges as they are shown
+_FEW_NAMED = 3  # alternatives that are named in a sentence
+_NARROW = 0.5  # width of a range, a share of the whole, up to which a best guess is said
+_BETTER = "another alternative is better by"
+
+
+def choice_conclusion(
+    told: InWords, names: Sequence[str], shares: Floats, result: Choice, before: float | None
+) -> Conclusion:
+    """Return a choice among alternatives in words, with the value of each alternative.
+
+    ``shares`` (n, k) has a row for each alternative.
+    """
+    most, sure, best = per_hundred(result.loss_bound), sure_of(result), printable(result.name)
+    settled = choice_holds(told, result)
+    if settled:
+        headline = f"By your answers “{best}” is {_best_word(result)}."
+        headline = f"{headline} {_next_best(told, names, shares, result)}".strip()
+        if with_sure := with_probability(result.confidence):
+            sure = f"{capital(with_sure)} {_none_better(result.loss_bound)}."
+        else:
+            sure = f"{capital(_none_better(result.loss_bound))}. {sure}"
+        after = "You can stop here."
+        more = "More answers would make it surer." if result.loss_bound > 0 else ""
+    else:
+        headline = f"The choice is open. The best guess so far is “{result.name}”."
+        after = f"Another alternative may be better, by at most {most}. {sure}"
+        if result.loss_bound < NO_LOSS:
+            after = f"{capital(_none_better(result.loss_bound))}. {sure}"
+        more = "More answers help."
+        sure = ""  # it belongs to that sentence, not to the headline
+    unasked = (
+        ""
+        if before is None
+        else f"Before your first answer another alternative could have been better by "
+        f"{per_hundred(before)}{no_more(result.confidence)}."
+    )
+    worth = _worth(told, names, shares, result)
+    rows = tuple((row[0], *row[-2:], "chosen" if row[0] == best else "") for row in worth.rows)
+    return Conclusion(
+        headline=headline,
+        size=size_and_end(told, result.loss_bound, _BETTER, result.confidence),
+        sure=sure,
+        next=after,
+        more=more,
+        before=unasked,
+        changes=worth,
+        result=ResultTable("Choice", ("alternative", "worth", "range", "choice"), rows),
+        settled=settled,
+        early=f"By your answers so far “{best}” is {_best_word(result)}. They are not checked yet.",
+    )
+
+
+def choice_nearly(
+    told: InWords, names: Sequence[str], shares: Floats, result: Choice, before: float | None
+) -> NearlyEnough | None:
+    """Return a statement that some alternatives can each lose little, or None.
+
+    They are the best guess, and as many of those nearly as good by it as the statement holds for
+    with the same certainty.
+    """
+    if not is_little(told, result.loss_bound, before):
+        return None
+    best, points = list(names).index(result.name), _points(shares, result)
+    order = [i for i in np.argsort(-points, kind="stable").tolist() if i != best]
+    near = [best, *(i for i in order[:_FEW_NAMED] if points[best] - points[i] <= told.little)]
+    while True:
+        apart = [shares[j] - shares[i] for i in near for j in range(len(names)) if j != i]
+        high, confidence = simultaneous_bounds(result.comparator, np.array(apart))
+        loss = max(0.0, float(high.max(initial=0.0)))
+        if len(near) == 1 or is_little(told, loss, before):
+            break
+        near.pop()
+    sure = _with_certainty(result, confidence)
+    if sure is None or not is_little(told, loss, before):
+        return None
+    size = size_of(told, loss, _BETTER, confidence)
+    near.sort(key=lambda i: -points[i])
+    near_names = listed([f"“{printable(names[i])}”" for i in near])
+    if len(near) == 1:
+        return NearlyEnough(
+            f"{near_names} is the best for you, or nearly so",
+            f"{sure} {_none_better(loss)}.",
+            size,
+        )
+    return NearlyEnough(
+        f"{near_names} are nearly equal to you",
+        f"Whichever of them you choose, you lose little: {sure[0].lower()}{sure[1:]} "
+        f"{_none_better(loss)}.",
+        size,
+    )
+
+
+def _with_certainty(result: Choice, confidence: float) -> str | None:
+    """Return the start of a sentence on how certain it is; None if that cannot be stated."""
+    if confidence == 1.0:
+        assumed = assumed_of_answers(wrong_of(result.comparator), "your")
+        return f"{capital(assumed)},"
+    sure = with_probability(confidence)
+    return f"{capital(sure)}," if sure else None
+
+
+def _best_word(result: Choice) -> str:
+    """Return the words for a choice: "best", or a recommendation if another may be as good."""
+    decided = result.status not in (Status.CALLED_EQUAL, Status.UNSURE) or result.loss_bound <= 0
+    return "best" if decided else "the one to choose"
+
+
+def _next_best(told: InWords, names: Sequence[str], shares: Floats, result: Choice) -> str:
+    """Return sentences that name the next best alternatives, if they are close; otherwise ""."""
+    points = _points(shares, result)
+    best = list(names).index(result.name)
+    close = np.flatnonzero(points >= points[best] - told.little)
+    near = [i for i in close[np.argsort(-points[close], kind="stable")].tolist() if i != best]
+    if not near:
+        return ""
+    named = near[:_FEW_NAMED]
+    worth = [f"{100 * points[i]:.0f}" for i in named]
+    some = [f"“{printable(names[i])}”" for i in named]
+    name, top = f"“{printable(names[best])}”", f"{100 * points[best]:.0f}"
+    as_good = "About as good" if top in worth else "Nearly as good"
+    if len(near) == 1:
+        said = f"{as_good} is {some[0]}: worth {worth[0]} of 100, {name} {top}."
+    else:
+        each = [f"{some[0]} (worth {worth[0]} of 100)"]
+        each += [f"{one} ({value})" for one, value in zip(some[1:], worth[1:], strict=True)]
+        more = len(near) - len(named)
+        rest = f" {more} more {'is' if more == 1 else 'are'} close too." if more else ""
+        said = f"{as_good} are {listed(each)}; {name} is worth {top}.{rest}"
+    told_equal = _directions(result.answers.d[result.answers.y == 0])
+    apart = _directions(shares[best] - shares)
+    called = [f"“{printable(names[i])}”" for i in near if _among(apart[i], told_equal)]
+    if not called:
+        return said
+    if len(near) == 1:
+        return f"{said} You called these two equally good."
+    return f"{said} You called {name} as good as {listed(called)}."
+
+
+def _directions(d: Floats) -> Floats:
+    """Return tail sums (n, k-1) of differences d (n, k), each divided by its largest number."""
+    t = tail_sums(d)
+    directions: Floats = t / np.maximum(np.abs(t).max(axis=1, keepdims=True), 1e-300)
+    return directions
+
+
+def _among(direction: Floats, others: Floats) -> bool:
+    """Return whether a direction (k-1,) or its opposite is among others (n, k-1)."""
+    apart = [np.abs(others - way * direction).max(axis=1, initial=0.0) for way in (1, -1)]
+    return bool((np.minimum(*apart) < 1e-6).any())
+
+
+def _points(shares: Floats, result: Choice) -> Floats:
+    """Return the best guess (n,) at the value of each alternative, from 0 to 1."""
+    return product(tail_sums(shares), np.diff(best_guess(result.comparator)))
+
+
+def _none_better(loss: float) -> str:
+    """Return a clause that no other alternative is better, or not by more than this loss."""
+    by = "" if loss < NO_LOSS else f" by more than {per_hundred(loss)}"
+    return f"no other alternative is better{by}"
+
+
+def choice_holds(told: InWords, result: Choice) -> bool:
+    """Return whether no question is left, and no other alternative is better by the tolerance.
+
+    The bound on the loss is looked at in addition, for two reasons. Each pair may be decided with
+    95% probability while all of them together are not. And a pair that the person cannot tell apart
+    need not matter.
+    """
+    decided = result.status in (Status.DONE, Status.CALLED_EQUAL)
+    if decided and result.confidence == 1.0:
+        return True
+    return (decided or result.status is Status.UNSURE) and result.loss_bound <= told.tolerance
+
+
+def _worth(told: InWords, names: Sequence[str], shares: Floats, result: Choice) -> ResultTable:
+    """Return a table of what each alternative consists of, and its value as far as it is known."""
+    labels = told.labels
+    low, high = bounds_of(result.comparator, shares)
+    points = _points(shares, result)
+    order = np.argsort(-points, kind="stable").tolist()
+    narrow = np.minimum(high, 1.0) - np.maximum(low, 0.0) <= _NARROW
+    rows = tuple(
+        (
+            printable(names[i]),
+            *(f"{100 * share:.3g}" for share in shares[i, ::-1]),
+            f"{100 * points[i]:.0f}" if narrow[i] else "not known yet",
+            f"{100 * max(low[i], 0.0):.0f} to {100 * min(high[i], 1.0):.0f}",
+        )
+        for i in order
+    )
+    unknown = (
+        "" if narrow.all() else " The worth is not known yet where the range is wider than 50."
+    )
+    best = list(names).index(result.name)
+    apart = max(0.0, float((np.minimum(np.delete(high, best), 1.0) - max(low[best], 0.0)).max()))
+    # shown where the ranges alone would allow a greater loss than the bound
+    together = (
+        " The ranges move together, because the same values of the levels go into each. So the "
+        "difference between two alternatives is known better than their ranges show."
+        if 100.0 * (apart - result.loss_bound) >= _ROUNDED
+        else ""
+    )
+    return ResultTable(
+        f"The {len(names)} alternatives",
+        ("Alternative", *map(printable, labels[::-1]), "worth", "range"),
+        rows,
+        f"In 100 {printable(told.words.unit)} of each. Worth is from 0, if all were "
+        f"“{printable(labels[0])}”, to 100, if all were “{printable(labels[-1])}”: the best guess, "
+        f"and its range.{unknown}{together}",
+        "alternative",
+        unfolded=len(names) <= _MOST_UNFOLDED,
+    )
+
+
+def choice_stakes(told: InWords, result: Choice) -> str | None:
+    """Return a sentence on what the choice can lose."""
+    if np.isnan(result.loss_bound):
+        return None
+    if result.loss_bound < NO_LOSS:
+        return f"So far {_none_better(result.loss_bound)}."
+    return (
+        f"So far another alternative could be better by {per_hundred(result.loss_bound)}"
+        f"{no_more(result.confidence)}. That is {told.loss(result.loss_bound)}. {until(told)}"
+    )

@@ -1,0 +1,86 @@
+"""States and actions of ICU-Sepsis in a clinician's words, as far as the benchmark's data allow.
+
+The package ``icu-sepsis`` has more about each state than the MDP needs: the centre of its cluster
+in 47 measurements, and the treatments that doctors gave there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from elicit.model.scale import Floats
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
+
+# The order of the measurements is that of the AI Clinician's code (Komorowski and others, 2018).
+# The score at place 31 is the state's SOFA score in other units, as a test checks.
+_VENTILATED = 1  # 1 with mechanical ventilation and 0 without, less a half
+
+ICU_LEGEND = (
+    "A state is a group of similar patients. It is described by its condition, its mean SOFA "
+    "score, the share on mechanical ventilation, and the share who die in hospital if treated as "
+    "recorded. Doses are for 4 hours: low, medium, high and very high are quarters of the doses "
+    "given."
+)
+"""What the words of states and actions mean."""
+
+
+def icu_states(mdp: OrdinalMDP) -> Callable[[str], str]:
+    """Return a function that puts a state of ICU-Sepsis in words, from its name.
+
+    Examples
+    --------
+    >>> from qlearn.problems.icu_sepsis import icu_sepsis
+    >>> icu_states(icu_sepsis())("12 (mean SOFA 11.0)")
+    'critical, SOFA score about 11, 39% ventilated, 28% die (state 12)'
+    """
+
+    def in_words(name: str) -> str:
+        number, _, score = name.removesuffix(")").partition(" (mean SOFA ")
+        if not score:
+            return name
+        state, (ventilated, die) = int(number), _shares()
+        return (
+            f"{mdp.labels[int(mdp.levels[state, 0])]}, SOFA score about "
+            f"{math.floor(float(score) + 0.5)}, {ventilated[state]:.0%} ventilated, "
+            f"{die[state]:.0%} die (state {number})"
+        )
+
+    return in_words
+
+
+@cache
+def _shares() -> tuple[Floats, Floats]:
+    """Return for each state (713,) the shares of patients who are ventilated, and who die.
+
+    They die if they are treated as the doctors did, by the benchmark's model. Reading the tables
+    takes half a second.
+    """
+    spec = find_spec("icu_sepsis")
+    assert spec is not None  # the MDP was made of the same tables
+    assert spec.submodule_search_locations
+    path = Path(spec.submodule_search_locations[0]) / "envs" / "assets" / "dynamics.npz"
+    with np.load(path, allow_pickle=False) as data:
+        moves, treated = data["tx_mat"], data["expert_policy"]
+        centres = data["state_cluster_centers"]
+    died = len(moves) - 3  # the last three states are death, recovery, and what follows them
+    chain = np.matmul(treated[:died, None, :], moves[:died])[:, 0]
+    die: Floats = np.linalg.solve(np.eye(died) - chain[:, :died], chain[:, died])
+    return np.clip(centres[:died, _VENTILATED] + 0.5, 0.0, 1.0), die
+
+
+def icu_dose(action: int) -> str:
+    """Return an action of ICU-Sepsis in words.
+
+    Examples
+    --------
+    >>> icu_dose(20)
+    'very high fluids, no vasopressor'
+    """
+    words = ("no", "low", "medium", "high", "very high")
+    return f"{words[action // 5]} fluids, {words[action % 5]} vasopressor"

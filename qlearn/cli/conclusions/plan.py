@@ -1,0 +1,301 @@
+"""The conclusion about a policy, in words, with what a person's answers change in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from elicit._support.fixed_order import product
+from elicit.model.comparator import bounds_of
+from elicit.model.comparator_parts import best_guess
+from elicit.model.outcomes import Status
+from elicit.person.course.conclusion import (
+    NO_LOSS,
+    Conclusion,
+    NearlyEnough,
+    ResultTable,
+    no_more,
+    per_hundred,
+    with_probability,
+)
+from elicit.person.showing import printable
+from qlearn.cli.conclusions.decided_plan import DecidedPlan, DecidedPlans
+from qlearn.cli.conclusions.in_words import (
+    InWords,
+    capital,
+    is_little,
+    size_and_end,
+    size_of,
+    sure_of,
+    until,
+)
+from qlearn.learners.learner import Result
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
+
+_SHORT = "your plan falls short of your ideal plan by"
+_STEPS = "equal steps between the levels (each better than the one below it by the same amount)"
+
+
+def policy_conclusion(
+    told: InWords,
+    plans: DecidedPlans,
+    action_words: Callable[[int], str],
+    result: Result,
+    before: float | None,
+) -> Conclusion:
+    """Return a policy's result in words, with the states in which the answers change it.
+
+    The answers change a state if the learned action there is better than that of equal steps, both
+    followed by the plan, for every scale still plausible, or with the comparator's confidence. In
+    all other states the plan keeps the action with equal steps.
+    """
+    found = plans.of(result)
+    bound = found.guarantee.loss_bound
+    settled = bound <= told.tolerance
+    most, more = per_hundred(bound), ""
+    if np.isnan(bound):
+        headline = "How far your plan may fall short of your ideal plan cannot be stated."
+        after = "Another comparator can state it."
+    elif settled:
+        headline = f"Your plan is settled. {_within(bound)}"
+        after, more = "You can stop here.", "More answers would narrow the values below."
+        if found.leaning:
+            more = f"More answers would narrow the values below, and may decide more {told.states}."
+    else:
+        headline = f"Your plan is not settled. It could still fall {most} short of your ideal plan."
+        after = {
+            Status.CALLED_EQUAL: "What is still open, you called equally good.",
+            Status.UNSURE: "What is still open, you could not tell.",
+            Status.EXHAUSTED: "Every question that would help was answered, or you could not tell.",
+        }.get(result.status, "")
+        more = "" if after else f"More answers help. We stop below {per_hundred(told.tolerance)}."
+    unasked = (
+        ""
+        if before is None
+        else f"Before your first answer the plan could have fallen {per_hundred(before)} short"
+        f"{no_more(result.confidence)}."
+    )
+    mdp, undecided = plans.mdp, len(found.leaning)
+    open_still = ""
+    if undecided:
+        live = int(np.count_nonzero(~mdp.terminal))
+        open_still = (
+            f" Your answers do not decide {undecided} of {live} {told.states}: there the plan "
+            f"keeps what is best with {_STEPS}."
+        )
+    return Conclusion(
+        headline=headline,
+        size=size_and_end(told, bound, _SHORT, result.confidence),
+        sure=f"{sure_of(result)} The ideal plan is the one for your exact values.{open_still}",
+        next=after,
+        more=more,
+        before=unasked,
+        changes=_changes(told, mdp, action_words, result, found),
+        plan=_plan(told, mdp, action_words, result, found),
+        result=_whole_policy(told, mdp, action_words, result, found),
+        settled=settled,
+        early=f"{_within(bound, so_far=True)} Your answers are not checked yet.",
+    )
+
+
+def _within(loss: float, so_far: bool = False) -> str:
+    """Return a sentence on how close a plan comes to the ideal plan."""
+    start = "So far " if so_far else ""
+    if loss < NO_LOSS:
+        said = "no other plan can be better for you."
+    else:
+        plan = "your plan" if so_far else "it"
+        said = f"{plan} comes within {per_hundred(loss)} of your ideal plan."
+    return f"{start}{said}" if so_far else capital(said)
+
+
+def _reasons(told: InWords, result: Result, found: DecidedPlan) -> dict[int, str]:
+    """Return a clause for each state that differs: the level that makes the learned action better.
+
+    An action leads to more of some levels and less of others than that of equal steps. A level
+    matters as much as the difference, times that of its value from its value with equal steps. The
+    value is the best guess; "may" says that its range includes that of equal steps.
+    """
+    value, steps = best_guess(result.comparator), np.linspace(0.0, 1.0, len(told.labels))
+    ends = np.eye(len(told.labels)) - np.eye(len(told.labels))[0]
+    low, high = bounds_of(result.comparator, ends)
+    why = {}
+    for state, more in zip(found.states.tolist(), found.differences, strict=True):
+        matters = more * (value - steps)
+        level = int(np.argmax(matters))
+        why[state] = "what follows in the rest of the plan"
+        if matters[level] > 0 >= product(more, steps):
+            grows = "more" if more[level] > 0 else "less"
+            sure = low[level] > steps[level] or high[level] < steps[level]
+            why[state] = (
+                f"{grows} “{printable(told.labels[level])}”, which you "
+                f"{'value' if sure else 'may value'} {grows} than {100 * steps[level]:.0f}"
+            )
+    return why
+
+
+def _changes(
+    told: InWords,
+    mdp: OrdinalMDP,
+    action_words: Callable[[int], str],
+    result: Result,
+    found: DecidedPlan,
+) -> ResultTable:
+    """Return the states in which the answers change the action, and those that they leave open."""
+    why = _reasons(told, result, found)
+    live, n = int(np.count_nonzero(~mdp.terminal)), int(found.holds.sum())
+    rest = len(found.states) - n
+    some = ""
+    if n:
+        title = f"In {n} of {live} {told.states} your answers change the {told.plan}"
+        hold = "This change is better" if n == 1 else "Each of these changes is better"
+        some = f" {hold} {_for_certain(result)}, if the rest of the {told.plan} is as here."
+    elif rest:
+        title = f"In {rest} of {live} {told.states} your answers may change the {told.plan}"
+        some = " None of these changes is certain yet."
+    else:
+        title = f"Your answers do not change the {told.plan}"
+    if n and rest:
+        some += f" In {rest} more your answers may change it, but do not decide it."
+    why_note = " “Why” names the level that matters most, and its value with equal steps."
+    certain, perhaps = (
+        tuple(
+            (
+                told.state_words(mdp.state_name(s)),
+                action_words(int(found.equal[s])),
+                action_words(learned),
+                why[s],
+            )
+            for s, learned, held in zip(
+                found.states.tolist(), found.learned.tolist(), found.holds.tolist(), strict=True
+            )
+            if held is wanted
+        )
+        for wanted in (True, False)
+    )
+    not_decided = ResultTable(
+        f"Not decided by your answers in {rest} of {live} {told.states}",
+        ("State", "In the plan (equal steps)", "Perhaps better", "Why"),
+        perhaps,
+        "Your answers lean towards another action here, but do not decide it. So the plan keeps "
+        "the action that is best with equal steps, and more answers may change it."
+        + (" It matters too little to ask more." if _bound(found) <= told.tolerance else ""),
+        "undecided state",
+    )
+    return ResultTable(
+        title,
+        ("State", "With equal steps", "With your values", "Why"),
+        certain,
+        f"Compared with {_STEPS}.{some}{why_note if why else ''} {told.legend}",
+        open=not_decided if rest else None,
+    )
+
+
+def _bound(found: DecidedPlan) -> float:
+    """Return the bound on the plan's loss."""
+    return found.guarantee.loss_bound
+
+
+def _for_certain(result: Result) -> str:
+    """Return the end of a clause: how sure it is that an action is better than another."""
+    return with_probability(result.confidence) or "for every scale that fits your answers"
+
+
+def _plan(
+    told: InWords,
+    mdp: OrdinalMDP,
+    action_words: Callable[[int], str],
+    result: Result,
+    found: DecidedPlan,
+) -> ResultTable:
+    """Return the action in every state that is not terminal, in words, for the screen."""
+    change = found.certain
+    words = {True: "changed", False: "not decided", None: "as with equal steps"}
+    rows = tuple(
+        (
+            told.state_words(mdp.state_name(s)),
+            action_words(int(found.policy[s])),
+            words[change.get(s)],
+        )
+        for s in np.flatnonzero(~mdp.terminal).tolist()
+    )
+    return ResultTable(
+        "The whole plan",
+        ("State", "Action in the plan", "By your answers"),
+        rows,
+        f"“Changed” is another action than with equal steps. It is better {_for_certain(result)}. "
+        "“Not decided” is the action with equal steps, where your answers neither support nor rule "
+        "out another one.",
+    )
+
+
+def _whole_policy(
+    told: InWords,
+    mdp: OrdinalMDP,
+    action_words: Callable[[int], str],
+    result: Result,
+    found: DecidedPlan,
+) -> ResultTable:
+    """Return the action in every state that is not terminal, as a table to download."""
+    change, leaning, why = found.certain, found.leaning, _reasons(told, result, found)
+    words = {True: "certain", False: "not decided", None: "none"}
+    rows = tuple(
+        (
+            mdp.state_name(s),
+            told.state_words(mdp.state_name(s)),
+            action_words(int(found.policy[s])),
+            action_words(int(found.equal[s])),
+            words[change.get(s)],
+            action_words(leaning[s]) if s in leaning else "",
+            why.get(s, ""),
+        )
+        for s in np.flatnonzero(~mdp.terminal).tolist()
+    )
+    columns = (
+        "state",
+        "state_in_words",
+        "action",
+        "action_with_equal_steps",
+        "change",
+        "perhaps_better",
+        "why",
+    )
+    return ResultTable("Plan", columns, rows)
+
+
+def policy_stakes(told: InWords, result: Result) -> str | None:
+    """Return a sentence on what the policy learned so far, the best guess, can lose."""
+    if np.isnan(result.loss_bound):
+        return None
+    if result.loss_bound < NO_LOSS:
+        return _within(result.loss_bound, so_far=True)
+    most, sure = per_hundred(result.loss_bound), no_more(result.confidence)
+    return (
+        f"So far the best guess of your plan could fall {most} short of your ideal plan{sure}. "
+        f"That is {told.loss(result.loss_bound)}. {until(told)}"
+    )
+
+
+def policy_nearly(
+    told: InWords, plans: DecidedPlans, result: Result, before: float | None
+) -> NearlyEnough | None:
+    """Return a statement that the plan so far can lose little, or None."""
+    if np.isnan(result.confidence) or not is_little(told, result.loss_bound, before):
+        return None
+    bound = _bound(plans.of(result))
+    if not told.tolerance < bound or not is_little(told, bound, before):
+        return None
+    return NearlyEnough(
+        f"Your plan falls at most {per_hundred(bound)} short of your ideal plan",
+        f"{sure_of(result)} More questions can bring it below {per_hundred(told.tolerance)}.",
+        size_of(told, bound, _SHORT, None),
+    )
+
+
+def policy_holds(told: InWords, plans: DecidedPlans, result: Result) -> bool:
+    """Return whether the plan of what the answers decide is settled, if the learned policy is.
+
+    The learned policy may lose as little while the plan still loses more.
+    """
+    return not result.loss_bound <= told.tolerance or _bound(plans.of(result)) <= told.tolerance
