@@ -81,8 +81,9 @@ class LookAhead:
         self._twin, self._swapped, self._who = twin, swapped, who
         self._ahead = MadeAhead[Verdict | None, AfterAnswer]()
         self._copies: list[tuple[Asker, Asker]] = []  # an asker that was made, and a copy of it
-        self.wants_results = False
-        """True if ``results`` will be gone through. It is set before ``steps``."""
+        self.is_near: Callable[[Any], bool] | None = None
+        """Takes a result, and returns whether little could be lost by stopping. It is set before
+        ``steps`` if ``results`` will be gone through."""
         self.found: tuple[tuple[Asker, Any], ...] = ()
         """Askers after an answer, each with its result."""
 
@@ -97,16 +98,22 @@ class LookAhead:
         answer = Answer(self.query, verdict, self._swapped, self._who)
         found = AfterAnswer(asker, tell(asker, answer))
         asker.ask()
-        if self.wants_results and verdict in _CLEAR:
+        if self.is_near is not None and verdict in _CLEAR:
             # it is copied here, because later the session goes on with the asker
             self._copies.append((asker, copy.deepcopy(asker)))
         return found
 
     def results(self) -> Iterator[None]:
-        """Compute the result after each answer that says which side is better, in a step each."""
-        while self._copies:
+        """Compute the result after each answer that says which side is better, in a step each.
+
+        What the offer to stop would say is computed too. It is kept with the result, for the
+        bounds in it take most of the time.
+        """
+        while self.is_near is not None and self._copies:
             asker, same = self._copies.pop(0)
-            self.found = (*self.found, (asker, same.result()))
+            result = same.result()
+            self.is_near(result)
+            self.found = (*self.found, (asker, result))
             yield
 
     def waits_for(self, asker: Asker, query: Query) -> bool:
@@ -385,10 +392,18 @@ class Beside(Closing):
         )
         outlook.stated, outlook.is_near = self._stated, near
         if ahead is not None and conduct.put + 1 >= nearly_from(self._chosen.offered):
-            ahead.wants_results, outlook.if_near = True, ahead.results
+            ahead.is_near, outlook.if_near = near, ahead.results
         self._beside = _Computed(shown.id, asker, ahead, outlook)
         looks = () if ahead is None else ahead.steps()
         self._background.start(chain(instead, looks, outlook.steps()))
+
+    def to_come(self) -> tuple[int, int] | None:
+        """Return the range of questions left after the last one, or None if it is not known."""
+        outlook = None if self._beside is None else self._beside.outlook
+        if outlook is None or outlook.to_come is None or self._chosen.more:
+            return None
+        found = self._to_come(outlook.to_come)
+        return None if found is None else (found[0], found[1])
 
     def near(self) -> bool | None:
         """Return whether little could be lost by stopping at the last question; None if unknown."""

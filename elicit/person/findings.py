@@ -77,12 +77,12 @@ def scale_notes(rows: Sequence[ScaleRow], comparator: Comparator, settled: bool)
         notes.append(_ROUGHLY_FOR_SLIPS if slips else _ROUGHLY)
     if hollow:
         those, it = ("this level", "it") if len(hollow) == 1 else ("these levels", "them")
-        taken = f"For {those} the result takes about the average of what is still possible"
+        allows = f"The result allows for all that is still possible for {those}"
         notes.append(
-            f"{taken}, and does not need to know {it} more exactly. If you want to know {it} all "
+            f"{allows}, and does not need to know {it} more exactly. If you want to know {it} all "
             "the same, answer more questions."
             if settled
-            else f"{taken}."
+            else f"{allows}."
         )
     if overlap(rows):
         notes.append(OVERLAP)

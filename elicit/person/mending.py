@@ -1,7 +1,7 @@
 """Answers that are mended: conflicts that the person settles, and answers that they take back.
 
 It also says on a question's card why a question comes whose answer was given, or follows from
-others.
+others, and what a question about a level is for.
 """
 
 from __future__ import annotations
@@ -10,11 +10,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from elicit.model.query import Query, Verdict
+from elicit.person.asker import Compares
 from elicit.person.course.choices import Choices
 from elicit.person.course.conduct import IN_CONFLICT, ORDER, differs, was_settled
+from elicit.person.course.level_questions import purpose_of
 from elicit.person.drawing import Drawing
 from elicit.person.session import Session
-from elicit.person.showing import Subject
+from elicit.person.showing import Subject, printable
 from elicit.tutors.answer_log import REPEATS, Entry
 
 _AGAIN = "Check question: you answered this one before. Choose as you see it now."
@@ -64,9 +66,19 @@ class Mending:
             return _TAKEN_BACK
         if query.id.startswith(ORDER):
             return _ORDER
-        if not (self._subject.least and self._session.implied(query)):
+        if not self._subject.least:
             return ""
+        if not self._session.implied(query):
+            return self._purpose_of(query)
         return _IMPLIED_BY_ONE if len(self._session.log.standing) == 1 else _IMPLIED
+
+    def _purpose_of(self, query: Query) -> str:
+        """Return sentences on the purpose of a question about a level, if nothing else is open."""
+        asker = self._session.current_asker()
+        if self._session.next_told() is not None or not isinstance(asker, Compares):
+            return ""
+        labels = [printable(label) for label in self._subject.labels]
+        return purpose_of(query, asker.comparator, labels, self._chosen.more)
 
     def conflict(self) -> dict[str, Any] | None:
         """Return the conflict that the last answer is part of, unless the person left it."""

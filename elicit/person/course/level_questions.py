@@ -7,7 +7,7 @@ middle of the level's interval. They need nothing but a comparator.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -140,6 +140,34 @@ def questions_left(comparator: Comparator) -> tuple[int, int] | None:
     halvings = np.log2(widths[widths >= _NARROW - _GRID] / _NARROW)
     needed = float((1.0 + np.maximum(halvings, 0.0)).sum())
     return int(_FEWEST * needed), math.ceil(_MOST * needed) + (needed > 0)
+
+
+def purpose_of(query: Query, comparator: Comparator, labels: Sequence[str], more: bool) -> str:
+    """Return sentences on the purpose of a question about a level, or "" for another one.
+
+    Parameters
+    ----------
+    query : Query
+    comparator : Comparator
+    labels : (k,) str
+        Names of the levels, worst first.
+    more : bool
+        True if the result is settled, and the person asked for more.
+    """
+    if not query.id.startswith(LEVEL):
+        return ""
+    level = int(query.id.removeprefix(LEVEL).split("/")[0])
+    low, high = (100.0 * bound[level] for bound in value_bounds(comparator))
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return ""
+    least, most = max(0, math.floor(low + _GRID)), min(100, math.ceil(high - _GRID))
+    said = f"This question narrows what “{labels[level]}” is worth: now {least} to {most} of 100."
+    if not more:
+        return f"{said} What is still open depends on it."
+    return (
+        f"{said} The result is settled, and you asked for more: questions end once each level is "
+        f"known to within {100 * _NARROW:.0f}."
+    )
 
 
 def order_question(k: int, level: int) -> Query:

@@ -52,11 +52,23 @@ def _little(nearly: NearlyEnough | None) -> str:
     return "" if nearly is None else f"{nearly.heading}. {nearly.text} "
 
 
-def after_little_loss(nearly: NearlyEnough) -> dict[str, Any]:
-    """Return the offer to stop because little could be lost by it."""
+def after_little_loss(nearly: NearlyEnough, to_come: tuple[int, int] | None) -> dict[str, Any]:
+    """Return the offer to stop because little could be lost by it.
+
+    Parameters
+    ----------
+    nearly : NearlyEnough
+    to_come : (2,) int, optional
+        The least and the greatest number of questions that are likely left until it is settled.
+    """
+    more = "You can stop here, or be asked more."
+    if to_come is not None and to_come[1] > 0:
+        number = f"{to_come[0]} to {to_come[1]}" if to_come[0] < to_come[1] else f"{to_come[1]}"
+        number = f"up to about {to_come[1]}" if to_come[0] == 0 else f"about {number}"
+        more = f"You can stop here, or be asked more: {number} until the result is settled."
     return {
         "heading": nearly.heading,
-        "text": f"{nearly.text} {nearly.size} You can stop here, or be asked more.",
+        "text": f"{nearly.text} {nearly.size} {more}",
         "options": [_STOP, {"option": "on", "label": "Ask me more"}],
     }
 

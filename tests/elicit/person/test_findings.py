@@ -80,12 +80,12 @@ def test_a_wide_range_after_answers_is_called_rough_and_the_reason_is_said() -> 
     notes = " ".join(scale_notes(found, comparator, settled=True))
     assert "“Not known yet” (dashed): no answer is about it" in notes  # fair
     assert "“Only roughly” (dashed): any one answer may be a slip" in notes
-    assert "For these levels the result takes about the average " in notes
+    assert "The result allows for all that is still possible for these levels" in notes
     assert "and does not need to know them more exactly" in notes
     without = [row for row in found if row.label != "fair"]
     notes = " ".join(scale_notes(without, comparator, settled=True))
     assert "Not known yet" not in notes
-    assert "For this level the result takes about the average of what is still possible" in notes
+    assert "The result allows for all that is still possible for this level" in notes
     assert "and does not need to know it more exactly" in notes
     notes = " ".join(scale_notes(without, PolytopeComparator(4), settled=False))
     assert "“Only roughly” (dashed): the answers about it leave a wide range." in notes

@@ -274,9 +274,11 @@ def test_results_are_computed_ahead_of_the_answers_that_may_lead_to_an_offer() -
     asker = choosing(())
     (query,) = asker.ask()
     ahead = LookAhead(asker, choosing(()), query, False)
-    ahead.wants_results = True
+    seen: list[Any] = []
+    ahead.is_near = lambda result: bool(seen.append(result))
     assert sum(1 for _ in ahead.steps()) == 4
     assert sum(1 for _ in ahead.results()) == 2
+    assert seen == [result for _, result in ahead.found]  # and what an offer would say
     for verdict, (made, result) in zip((Verdict.BETTER, Verdict.WORSE), ahead.found, strict=True):
         after = ahead.told(asker, Answer(query, verdict))
         assert after is not None

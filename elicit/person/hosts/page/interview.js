@@ -44,6 +44,7 @@ export function mount(root, send, options = {}) {
   let circled = false; // whether a question was drawn in circles
   let barred = null; // id of the first question after that which is drawn in bars
   let furthest = 0; // the widest that the bar was, in percent
+  let room = { width: 0, lead: 0, card: 0 }; // px that a question may take, above its sides and on each side
 
   const banner = part("div", "banner", { role: "alert" });
   const brand = part("div", "brand");
@@ -233,6 +234,7 @@ export function mount(root, send, options = {}) {
     say(note, view === remarked ? screen.note || "" : "");
     trying.replaceChildren(...(view === "stage" && screen.may_practise ? [button("alt", "Try again", practise, "U", "U Control+Z")] : []));
     foot();
+    steady();
     enable(false);
     clearTimeout(untouched);
     untouched = setTimeout(() => enable(true), UNTOUCHED);
@@ -248,6 +250,30 @@ export function mount(root, send, options = {}) {
       if (sheet.getBoundingClientRect().top < 0) sheet.scrollIntoView();
     }
     drawn = true;
+  }
+
+  // The answers are at the same place in every question: what is above them, and the counts, get the room that the
+  // greatest question so far has taken at this width. A note takes of that room what it needs.
+  function steady() {
+    const pair = body.querySelector(".lead + .pair");
+    if (!pair) return;
+    const [cards, lead] = [[...pair.children], pair.previousSibling];
+    const lists = cards.map((card) => card.querySelector(".rows"));
+    lead.style.minHeight = "";
+    for (const list of lists) list.style.marginBottom = "";
+    if (room.width !== body.clientWidth) room = { width: body.clientWidth, lead: 0, card: 0 };
+    const down = (from) => pair.getBoundingClientRect().top - from.getBoundingClientRect().top;
+    const lines = USUAL_LINES * parseFloat(getComputedStyle(body).lineHeight);
+    const counts = lists[0].querySelectorAll(".row");
+    const rows = counts.length ? counts[0].offsetHeight * Math.max(0, USUAL_ROWS - counts.length) : 0;
+    room.lead = Math.max(room.lead, down(body), body.firstChild.offsetHeight + lines);
+    room.card = Math.max(room.card, ...cards.map((card) => card.offsetHeight + rows));
+    lead.style.minHeight = `${Math.max(0, lead.offsetHeight + room.lead - down(waiting.parentNode))}px`;
+    const beside = cards[0].offsetTop === cards[1].offsetTop; // then they have the same height
+    for (const list of beside ? lists.slice(0, 1) : lists) {
+      const more = room.card - list.parentNode.offsetHeight;
+      list.style.marginBottom = `${parseFloat(getComputedStyle(list).marginBottom) + more}px`;
+    }
   }
 
   // How far the interview is: of the questions that the person planned, or of those that it will likely take. `reply` is
@@ -377,13 +403,14 @@ export function mount(root, send, options = {}) {
     const practice = screen.stage === "practice";
     const name = practice ? "Practice" : `Question ${asked.number}`;
     const parts = asked.sentences.map((sentence) => part("p", "same", {}, [sentence]));
-    if (asked.check) parts.unshift(part("p", "check", {}, [asked.check]));
     if (practice) parts.unshift(part("p", "practice", {}, [TRY, circles(asked)]));
     if (screen.legend.duration) parts.push(part("p", "soft same", {}, [screen.legend.duration]));
     if (asked.icons) circled = true;
     else if (circled) barred ??= asked.id;
     if (asked.id === barred) parts.push(part("p", "soft same bars", {}, [BARS]));
-    parts.push(sides(asked), others());
+    const lead = part("div", "lead", {}, parts.splice(0));
+    parts.push(lead, sides(asked), others());
+    if (asked.check) parts.push(part("p", "check", {}, [asked.check])); // below, so that nothing above moves
     if (!practice) {
       const why = part("details", "why", {}, [part("summary", "", {}, ["Why this question?"])]);
       parts.push(why);
@@ -523,7 +550,8 @@ export function mount(root, send, options = {}) {
   function end() {
     const { open, scale, certainty, statements, conflicts, changes, caution, remarks, settled, status, more } = screen.end;
     const { plan, scale_notes: notes } = screen.end;
-    const top = [part("p", settled ? "status good" : "status", {}, [settled ? `✓ ${status}` : status])];
+    const after = `${status} after ${answersOf(screen.end.counts.answered)}`;
+    const top = [part("p", settled ? "status good" : "status", {}, [settled ? `✓ ${after}` : after])];
     for (const said of [caution, ...remarks].filter(Boolean)) top.push(part("p", "caution", {}, [said]));
     const facts = [
       ["How sure", screen.end.sure], ["How close", screen.end.size], ["Before", screen.end.before], ["Next", screen.end.next], ["You gave", screen.end.given],
@@ -743,6 +771,7 @@ export function mount(root, send, options = {}) {
   body.addEventListener("click", clicked, true);
   keys.addEventListener("keydown", pressed);
   window.addEventListener("focus", catchUp);
+  window.addEventListener("resize", steady);
   document.addEventListener("visibilitychange", catchUp);
   if (goesBack) window.addEventListener("popstate", wentBack);
   show({ do: "state" });
@@ -751,12 +780,15 @@ export function mount(root, send, options = {}) {
     clearTimeout(untouched);
     keys.removeEventListener("keydown", pressed);
     window.removeEventListener("focus", catchUp);
+    window.removeEventListener("resize", steady);
     document.removeEventListener("visibilitychange", catchUp);
     window.removeEventListener("popstate", wentBack);
     root.replaceChildren();
   };
 }
 
+const USUAL_ROWS = 3; // levels that a question shows, and lines above its sides: one with less gets as much room
+const USUAL_LINES = 5;
 const FEW = 12; // rows that need no filter, and are shown at once
 const NEXT = { words: "Working out what comes next ...", after: SLOW };
 const GETTING_READY = "Getting ready ...";
@@ -962,6 +994,8 @@ function toCome(range, seconds, atLeast) {
   // no promise: an answer can open more than it closes
   return least === 0 ? `up to about ${most} more${time}` : `about ${least} to ${most} more${time}`;
 }
+
+const answersOf = (n) => (n ? `${n} ${n === 1 ? "answer" : "answers"}` : "no answers");
 
 const thousands = (n) => n.toLocaleString("en-US");
 
