@@ -383,6 +383,25 @@ def test_what_does_not_go_together_is_said_and_mended(windows: Windows) -> None:
     assert stands == [("q1", -1), ("q2", 0), ("q0", 1)]
 
 
+@pytest.mark.parametrize("size", [{"width": 1280, "height": 900}, NARROW], ids=["wide", "narrow"])
+def test_the_answers_stay_at_one_place(windows: Windows, size: dict[str, int]) -> None:
+    with served(windows.log) as server:
+        page = windows.open(server, size)
+        practise(page)
+        places = []
+        for number in range(2, 5):
+            click(page, "a")
+            at(page, f"Question {number}")
+            places.append(
+                page.evaluate(
+                    "[...document.querySelectorAll('[data-choice]')]"
+                    ".map((one) => one.getBoundingClientRect().top + scrollY)"
+                )
+            )
+    assert len(places[0]) == 4
+    assert np.ptp(places, axis=0).max() <= 1.5  # px
+
+
 def test_nothing_is_lost_when_the_program_stops(windows: Windows) -> None:
     with served(windows.log) as server:
         page = windows.open(server)
