@@ -37,7 +37,7 @@ def icu_states(mdp: OrdinalMDP) -> Callable[[str], str]:
     --------
     >>> from qlearn.problems.icu_sepsis import icu_sepsis
     >>> icu_states(icu_sepsis())("12 (mean SOFA 11.0)")
-    'critical, SOFA score about 11, 39% ventilated, 28% die (state 12)'
+    'critical, SOFA score about 11, 47% ventilated, 24% die (state 12)'
     """
 
     def in_words(name: str) -> str:
