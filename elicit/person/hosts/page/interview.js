@@ -263,13 +263,13 @@ export function mount(root, send, options = {}) {
     for (const list of lists) list.style.marginBottom = "";
     if (room.width !== body.clientWidth) room = { width: body.clientWidth, lead: 0, card: 0 };
     const down = (from) => pair.getBoundingClientRect().top - from.getBoundingClientRect().top;
+    const beside = cards[0].offsetTop === cards[1].offsetTop; // then both have the same height
     const lines = USUAL_LINES * parseFloat(getComputedStyle(body).lineHeight);
     const counts = lists[0].querySelectorAll(".row");
     const rows = counts.length ? counts[0].offsetHeight * Math.max(0, USUAL_ROWS - counts.length) : 0;
     room.lead = Math.max(room.lead, down(body), body.firstChild.offsetHeight + lines);
     room.card = Math.max(room.card, ...cards.map((card) => card.offsetHeight + rows));
     lead.style.minHeight = `${Math.max(0, lead.offsetHeight + room.lead - down(waiting.parentNode))}px`;
-    const beside = cards[0].offsetTop === cards[1].offsetTop; // then they have the same height
     for (const list of beside ? lists.slice(0, 1) : lists) {
       const more = room.card - list.parentNode.offsetHeight;
       list.style.marginBottom = `${parseFloat(getComputedStyle(list).marginBottom) + more}px`;
