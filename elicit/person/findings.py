@@ -23,7 +23,7 @@ _NOT_KNOWN = "“Not known yet” (dashed): no answer is about it, or none narro
 _ROUGHLY = "“Only roughly” (dashed): the answers about it leave a wide range."
 _ROUGHLY_FOR_SLIPS = (
     "“Only roughly” (dashed): any one answer may be a slip, so the range stays wide until more "
-    "answers agree. Repeated questions are checks and do not narrow it."
+    "answers agree. Repeated questions check your answers, and do not narrow it."
 )
 OVERLAP = (
     "Ranges may overlap although the order is fixed: wherever two levels lie in their ranges, the "

@@ -161,7 +161,9 @@ def purpose_of(query: Query, comparator: Comparator, labels: Sequence[str], more
     if not (math.isfinite(low) and math.isfinite(high)):
         return ""
     least, most = max(0, math.floor(low + _GRID)), min(100, math.ceil(high - _GRID))
-    said = f"This question narrows what “{labels[level]}” is worth: now {least} to {most} of 100."
+    said = (
+        f"This question is about what “{labels[level]}” is worth: so far {least} to {most} of 100."
+    )
     if not more:
         return f"{said} What is still open depends on it."
     return (

@@ -38,7 +38,7 @@ _MOST_UNFOLDED = 12  # alternatives up to which their table stands open on the s
 _ROUNDED = 0.5  # of 100: less than that cannot be told from the ranges as they are shown
 _FEW_NAMED = 3  # alternatives that are named in a sentence
 _NARROW = 0.5  # width of a range, a share of the whole, up to which a best guess is said
-_BETTER = "another alternative is better by"
+_BETTER = "if another alternative is better, it is better by"
 
 
 def choice_conclusion(
@@ -51,8 +51,7 @@ def choice_conclusion(
     most, sure, best = per_hundred(result.loss_bound), sure_of(result), printable(result.name)
     settled = choice_holds(told, result)
     if settled:
-        headline = f"By your answers “{best}” is {_best_word(result)}."
-        headline = f"{headline} {_next_best(told, names, shares, result)}".strip()
+        headline = _recommended(told, names, shares, result)
         if with_sure := with_probability(result.confidence):
             sure = f"{capital(with_sure)} {_none_better(result.loss_bound)}."
         else:
@@ -143,35 +142,41 @@ def _best_word(result: Choice) -> str:
     return "best" if decided else "the one to choose"
 
 
-def _next_best(told: InWords, names: Sequence[str], shares: Floats, result: Choice) -> str:
-    """Return sentences that name the next best alternatives, if they are close; otherwise ""."""
+def _recommended(told: InWords, names: Sequence[str], shares: Floats, result: Choice) -> str:
+    """Return sentences that name the choice, and the next best alternatives if they are close.
+
+    Those that the person called as good as the choice are named together with it.
+    """
     points = _points(shares, result)
     best = list(names).index(result.name)
     close = np.flatnonzero(points >= points[best] - told.little)
     near = [i for i in close[np.argsort(-points[close], kind="stable")].tolist() if i != best]
-    if not near:
-        return ""
-    named = near[:_FEW_NAMED]
-    worth = [f"{100 * points[i]:.0f}" for i in named]
-    some = [f"“{printable(names[i])}”" for i in named]
-    name, top = f"“{printable(names[best])}”", f"{100 * points[best]:.0f}"
-    as_good = "About as good" if top in worth else "Nearly as good"
-    if len(near) == 1:
-        said = f"{as_good} is {some[0]}: worth {worth[0]} of 100, {name} {top}."
-    else:
-        each = [f"{some[0]} (worth {worth[0]} of 100)"]
-        each += [f"{one} ({value})" for one, value in zip(some[1:], worth[1:], strict=True)]
-        more = len(near) - len(named)
-        rest = f" {more} more {'is' if more == 1 else 'are'} close too." if more else ""
-        said = f"{as_good} are {listed(each)}; {name} is worth {top}.{rest}"
     told_equal = _directions(result.answers.d[result.answers.y == 0])
     apart = _directions(shares[best] - shares)
-    called = [f"“{printable(names[i])}”" for i in near if _among(apart[i], told_equal)]
-    if not called:
+    called = [i for i in near if _among(apart[i], told_equal)]
+    quoted, worth = [f"“{printable(name)}”" for name in names], [f"{100 * p:.0f}" for p in points]
+    name, top = quoted[best], worth[best]
+    if called:
+        equal = [best, *called]
+        said = (
+            f"You called {listed([quoted[i] for i in equal])} equally good. By all your answers "
+            f"they are worth {listed([worth[i] for i in equal])} of 100."
+        )
+    else:
+        said = f"By your answers {name} is {_best_word(result)}."
+    others = [i for i in near if i not in called]
+    named = others[:_FEW_NAMED]
+    if not named:
         return said
-    if len(near) == 1:
-        return f"{said} You called these two equally good."
-    return f"{said} You called {name} as good as {listed(called)}."
+    as_good = "About as good" if top in [worth[i] for i in named] else "Nearly as good"
+    beside = "" if called else f", {name} {top}" if len(others) == 1 else f"; {name} is worth {top}"
+    if len(others) == 1:
+        return f"{said} {as_good} is {quoted[named[0]]}: worth {worth[named[0]]} of 100{beside}."
+    each = [f"{quoted[named[0]]} (worth {worth[named[0]]} of 100)"]
+    each += [f"{quoted[i]} ({worth[i]})" for i in named[1:]]
+    more = len(others) - len(named)
+    rest = f" {more} more {'is' if more == 1 else 'are'} close too." if more else ""
+    return f"{said} {as_good} are {listed(each)}{beside}.{rest}"
 
 
 def _directions(d: Floats) -> Floats:

@@ -68,14 +68,14 @@ def size_of(told: InWords, loss: float, what: str, confidence: float | None) -> 
     """Return sentences on how much a loss is, in the problem's own unit, or "" if unknown.
 
     Nothing is said of a loss that is shown as none, because "as if 0 in 100 patients died" has no
-    size. ``what`` is the loss in words, between "At most" and its size. ``confidence`` is None if
-    it is said elsewhere how sure that is.
+    size. ``what`` is the loss in words, before "at most" and its size. ``confidence`` is None if it
+    is said elsewhere how sure that is.
     """
     if np.isnan(loss) or loss < NO_LOSS:
         return ""
     sure = with_probability(confidence)
-    most = f"At most ({sure})" if sure else "At most"
-    return f"{most}, {what} {told.loss(loss)}. {NOT_A_FORECAST}"
+    end = f" ({sure})" if sure else ""
+    return f"{capital(what)} at most {told.loss(loss)}{end}. {NOT_A_FORECAST}"
 
 
 def size_and_end(told: InWords, loss: float, what: str, confidence: float) -> str:

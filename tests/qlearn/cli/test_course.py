@@ -253,7 +253,7 @@ def test_with_a_posterior_changes_are_listed_if_they_hold_with_its_confidence() 
         assert listed
         assert end["sure"].startswith("This holds with 95% probability. The ideal plan is the one ")
         assert end["size"].startswith(
-            "At most (with 95% probability), your plan falls short of your ideal plan by as much "
+            "Your plan falls short of your ideal plan by at most as much value as if "
         )
 
 

@@ -162,9 +162,9 @@ def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: P
     again = "" if comparator == "polytope" else r" \(with 95% probability\)"
     loss = (
         r"settled\. It comes within ([\d.]+) in 100 of your ideal plan\. This holds "
-        rf"{sure}\. .* At most{again}, your "
-        r"plan falls short of your ideal plan by as much value as if \1 in 100 days were at “"
-        rf"level 1” instead of “level 5”\. .* We stop asking below 1 in 100\."
+        rf"{sure}\. .* Your plan falls short of your ideal plan by at most as much value as if "
+        rf"\1 in 100 days were at “level 1” instead of “level 5”{again}\. .* We stop asking "
+        r"below 1 in 100\."
     )
     bound = re.search(loss, " ".join(said.split()))
     assert bound
@@ -411,10 +411,8 @@ def test_a_plan_is_said_before_the_first_question_and_ends_the_session(
     assert "You planned 2 questions, and answered 2." in said
     assert "This is the result so far. More could be asked." in said
     assert re.search(r"It could still fall \S+ in 100 short of your ideal plan\.", said)
-    assert (
-        "At most (with 95% probability), your plan falls short of your ideal plan by as much value "
-        "as " in said
-    )
+    assert "Your plan falls short of your ideal plan by at most as much value as " in said
+    assert " (with 95% probability). This is a measure of size" in said
     code, shown, _ = taught("a\n" * 2 + "q\n", monkeypatch, capsys, *options, "--log", log)
     assert "You planned 4 questions, and answered 4." in " ".join(shown.split())
     with pytest.raises(SystemExit):
@@ -786,10 +784,8 @@ def test_a_family_is_taught_in_its_own_words_and_a_seed_draws_it(
     assert "Two groups of 10 years" in shown
     said = " ".join(report(shown).split())
     assert "in 100 of your ideal plan. This holds " in said
-    assert (
-        "At most (with 95% probability), your plan falls short of your ideal plan by as much value "
-        in said
-    )
+    assert "Your plan falls short of your ideal plan by at most as much value " in said
+    assert " (with 95% probability). This is a measure of size" in said
 
 
 def test_two_people_in_one_folder_have_a_log_each(

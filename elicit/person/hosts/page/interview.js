@@ -263,16 +263,15 @@ export function mount(root, send, options = {}) {
     for (const list of lists) list.style.marginBottom = "";
     if (room.width !== body.clientWidth) room = { width: body.clientWidth, lead: 0, card: 0 };
     const down = (from) => pair.getBoundingClientRect().top - from.getBoundingClientRect().top;
-    const beside = cards[0].offsetTop === cards[1].offsetTop; // then both have the same height
     const lines = USUAL_LINES * parseFloat(getComputedStyle(body).lineHeight);
     const counts = lists[0].querySelectorAll(".row");
     const rows = counts.length ? counts[0].offsetHeight * Math.max(0, USUAL_ROWS - counts.length) : 0;
     room.lead = Math.max(room.lead, down(body), body.firstChild.offsetHeight + lines);
     room.card = Math.max(room.card, ...cards.map((card) => card.offsetHeight + rows));
     lead.style.minHeight = `${Math.max(0, lead.offsetHeight + room.lead - down(waiting.parentNode))}px`;
-    for (const list of beside ? lists.slice(0, 1) : lists) {
-      const more = room.card - list.parentNode.offsetHeight;
-      list.style.marginBottom = `${parseFloat(getComputedStyle(list).marginBottom) + more}px`;
+    const more = cards.map((card) => room.card - card.offsetHeight); // before any margin changes them
+    for (const [i, list] of lists.entries()) {
+      list.style.marginBottom = `${parseFloat(getComputedStyle(list).marginBottom) + more[i]}px`;
     }
   }
 
@@ -541,8 +540,11 @@ export function mount(root, send, options = {}) {
     }
     const simulated = body.querySelector(".simulated");
     const nothing = ready && !budgets.length && !settled ? UNFORESEEN : "";
-    // at the first look no place was kept yet, later it stays, so that Start does not move
-    if (nothing && !looked) body.querySelector(".form")?.classList.add("unforeseen");
+    const choices = [...body.querySelectorAll(".choice")];
+    const heights = choices.map((choice) => choice.offsetHeight);
+    if (nothing) body.querySelector(".form")?.classList.add("unforeseen");
+    // at the first look no place was kept yet, later each choice keeps its height, so that Start does not move
+    for (const [i, choice] of choices.entries()) choice.style.minHeight = nothing && looked ? `${heights[i]}px` : "";
     looked = true;
     if (simulated) say(simulated, budgets.length ? SIMULATED : nothing);
   }

@@ -402,6 +402,26 @@ def test_the_answers_stay_at_one_place(windows: Windows, size: dict[str, int]) -
     assert np.ptp(places, axis=0).max() <= 1.5  # px
 
 
+def test_levels_stand_in_line_on_both_sides(windows: Windows) -> None:
+    with served(windows.log) as server:
+        page = windows.open(server)
+        start(page)
+        rows = page.locator(".card")
+        for stage in ("Practice", "Question 1", "Question 2"):
+            at(page, stage)
+            tops = [
+                [row.bounding_box()["y"] for row in rows.nth(side).locator(".label").all()]
+                for side in (0, 1)
+            ]
+            assert len(tops[0]) >= 2
+            assert np.ptp(tops, axis=0).max() < 1, stage  # px
+            if stage == "Practice":
+                click(page, "a")
+                page.get_by_role("button", name="real questions").click()
+            else:
+                click(page, "a")
+
+
 def test_nothing_is_lost_when_the_program_stops(windows: Windows) -> None:
     with served(windows.log) as server:
         page = windows.open(server)

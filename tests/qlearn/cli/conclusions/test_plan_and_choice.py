@@ -209,11 +209,12 @@ def test_how_sure_a_bound_is_stands_beside_it_unless_it_is_proven(name: str) -> 
     stakes = policy_stakes(told, result)
     assert stakes is not None
     if name == "posterior":
-        assert found.size.startswith("At most (with 95% probability), your plan falls short ")
+        assert found.size.startswith("Your plan falls short of your ideal plan by at most as ")
+        assert " (with 95% probability). This is a measure of size" in found.size
         assert found.before.endswith(" 20 in 100 short, with 95% probability not more.")
         assert " short of your ideal plan, with 95% probability not more. That is " in stakes
     else:
-        assert found.size.startswith("At most, your plan falls short ")
+        assert found.size.startswith("Your plan falls short of your ideal plan by at most as ")
         assert found.before.endswith(" 20 in 100 short.")
         assert "probability" not in f"{found.sure}{stakes}"
     shares = np.array([[0.0, 0.4, 0.6, 0.0], [0.1, 0.0, 0.5, 0.4], [0.0, 0.2, 0.6, 0.2]])
@@ -291,8 +292,21 @@ def test_an_alternative_that_was_called_equally_good_is_said_to_be(scale: float)
         known = PolytopeComparator(3).update(Answers(rows[:1], [0]))
         found = replace(chosen, answers=answers, comparator=known)
         headline = choice_conclusion(told, names, shares, found, None).headline
-        assert " as good is “other”: worth " in headline
-        assert ("You called these two equally good." in headline) is called
+        equal = headline.startswith("You called “first” and “other” equally good. By all your ")
+        assert equal is called
+        assert (" as good is “other”: worth " in headline) is not called
+
+
+def test_what_was_called_as_good_as_the_choice_is_named_before_what_is_close() -> None:
+    shares = np.array([[0.0, 0.0, 1.0], [0.02, 0.02, 0.96], [0.01, 0.0, 0.99]])
+    names = ["first", "other", "b"]
+    told = InWords(("bad", "middle", "good"), Words(), 0.01)
+    done = choose(shares, PolytopeComparator(3), names=names).result()
+    found = replace(done, answers=Answers([shares[0] - shares[1]], [0]))
+    assert choice_conclusion(told, names, shares, found, None).headline == (
+        "You called “first” and “other” equally good. By all your answers they are worth 100 and "
+        "97 of 100. Nearly as good is “b”: worth 99 of 100."
+    )
 
 
 @pytest.mark.parametrize("status", [Status.DONE, Status.CALLED_EQUAL, Status.UNSURE])
@@ -306,13 +320,16 @@ def test_a_choice_that_need_not_be_the_best_is_only_recommended(status: Status) 
         best=0,
         name="first",
         status=status,
-        answers=Answers(rows, [0, 0]),
+        answers=Answers(rows, [1, 1]),
         guarantee=lambda: (0.005, 0.95),
     )
     conclusion = choice_conclusion(told, names, shares, found, None)
     word = "best" if status is Status.DONE else "the one to choose"
     assert conclusion.headline.startswith(f"By your answers “first” is {word}. ")
-    assert conclusion.headline.endswith(" You called “first” as good as “other” and “third”.")
+    equal = replace(found, answers=Answers(rows, [0, 0]))
+    assert choice_conclusion(told, names, shares, equal, None).headline.startswith(
+        "You called “first”, “other” and “third” equally good. By all your answers they are worth "
+    )
     assert (
         conclusion.early == f"By your answers so far “first” is {word}. They are not checked yet."
     )
