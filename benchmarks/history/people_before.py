@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tarfile
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple
@@ -39,6 +39,7 @@ from benchmarks.people.gains import LEVELS, SEED, answers_of, gain
 from benchmarks.reporting import machine, markdown, publish
 from benchmarks.stamps import ROOT
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
+from elicit.model.pairs import pair_numbers
 from elicit.model.scale import Floats
 from elicit.people.experiments import lottery_choices, repeated_gambles
 
@@ -52,7 +53,7 @@ People = NDArray[np.intp]
 
 
 class Older(NamedTuple):
-    """What the older code predicts: see ``in_older_code``."""
+    """Predictions by the older code: see ``in_older_code``."""
 
     chance: Floats
     verdict: Floats
@@ -177,6 +178,48 @@ def reporting_half(choices: Choices, fold_of: People, before: Older) -> Iterator
     yield ""
     head = ("", "log-likelihood", "gain", "calibration error", "decided", "answered otherwise")
     yield from markdown(head, rows, 1)
+    yield ""
+    named = {"today": today, f"today, like {like.people if like else 0} earlier people": known}
+    yield from put_twice(choices, who, named)
+
+
+def put_twice(
+    choices: Choices, who: NDArray[np.bool_], found: Mapping[str, comparators.Predictions]
+) -> Iterator[str]:
+    """Yield the lines on the pairs of lotteries that were put twice, as two questions."""
+    numbers = pair_numbers(choices.d)
+    times = np.bincount(numbers)[numbers]
+    if not (times == 2).any():
+        return
+    said, answered = choices.said[who], choices.answered[who]
+    differ = np.transpose([
+        np.ptp(said[:, numbers == number], axis=1) for number in sorted(set(numbers[times == 2]))
+    ])  # fmt: skip
+    both = ~np.isnan(differ)
+    rows = []
+    for name, (verdict, chance, _) in found.items():
+        for label, these in (("once", times == 1), ("twice", times == 2)):
+            v, p, y, clear = (x[:, these] for x in (verdict[who], chance[who], said, answered))
+            decided = clear & (np.abs(v) == 1)
+            wrong = decided & (v == np.where(y == 1, -1, 1))
+            rows.append([
+                name, label, f"{int(these.sum())}",
+                shown(over_people(lambda i, p=p, y=y: log_likelihood(p[i], y[i]), len(p))),
+                _share(decided.sum(axis=1), clear.sum(axis=1)),
+                _share(wrong.sum(axis=1), decided.sum(axis=1)),
+            ])  # fmt: skip
+    yield (
+        f"{int((times == 1).sum())} of the questions are about a pair that was put once, and "
+        f"{int((times == 2).sum())} about {int((times == 2).sum()) // 2} pairs that were put "
+        "twice. The two answers to these differ in "
+        f"{_share((np.nan_to_num(differ) > 0).sum(axis=1), both.sum(axis=1))} of the cases: so "
+        "often is one answer of a person contradicted by another. If the one is in another fold "
+        "than the other, it is among the answers that the other is predicted from. *Once*: the "
+        "answers for which this cannot be."
+    )
+    yield ""
+    head = ("", "pair put", "questions", "log-likelihood", "decided", "answered otherwise")
+    yield from markdown(head, rows, 2)
 
 
 def first_people(choices: Choices, first: People, before: Older) -> Iterator[str]:
