@@ -35,6 +35,7 @@ from benchmarks.contest import redraw
 from benchmarks.evidence import PAGES, ROOT, Page
 from benchmarks.fitting import calibration, calibration_questions, fit_cost
 from benchmarks.fitting.calibration_tables import shown, summary
+from benchmarks.history import repeated
 from benchmarks.learning import growth_by_size, learning_cost, value_iteration_cost
 from benchmarks.learning.learning_runs import Setting
 from benchmarks.learning.learning_tables import Kind, described
@@ -349,6 +350,14 @@ def liked(text: str) -> Iterator[str | Cells]:
     yield from gains.gamble_rows("20 times", lambda number: repeated_gambles(sets=[number]), (1,))
 
 
+def judged_beside_repeats(text: str) -> Iterator[str | Cells]:
+    """Rows of the people whose answers are shipped."""
+    found = repeated.scores(repeated_gambles())
+    for label in ("without", "with"):
+        rows = found[label]
+        yield ["20 times", label, f"{len(rows)}", *repeated.disagreements(rows)]
+
+
 def asked_of_each_kind(text: str) -> Iterator[str | Cells]:
     """Plain questions about one family."""
     count = int(re.search(r"over (\d+) problems", text)[1])
@@ -448,6 +457,7 @@ SAMPLES = (
     Sample("RESULTS-posteriors", believed),
     Sample("RESULTS-people", answered_again, quick=True),
     Sample("RESULTS-people-gains", liked, quick=True),
+    Sample("RESULTS-people-before", judged_beside_repeats),
     Sample("RESULTS-panel", asked_together),
     Sample("RESULTS-families", by_every_rule),
     Sample("RESULTS-kinds", asked_of_each_kind),

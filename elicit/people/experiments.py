@@ -139,10 +139,11 @@ def repeated_gambles(
 def lottery_choices(
     folder: Path_, levels: int = 6, knots: Sequence[float] | None = None
 ) -> dict[str, AnswerLog]:
-    """Return 139 people's choices between 70 pairs of lotteries, each pair put once.
+    """Return 139 people's answers to 70 questions about pairs of lotteries.
 
-    The lotteries pay up to four amounts of money. An amount between two knots is split between
-    them; see ``elicit.people.lotteries``.
+    Five pairs were put twice, as two questions, the others once. The lotteries pay up to four
+    amounts of money. An amount between two knots is split between them; see
+    ``elicit.people.lotteries``.
 
     Parameters
     ----------

@@ -1,0 +1,1 @@
+"""Today's code beside older code of the project, on the same data."""
