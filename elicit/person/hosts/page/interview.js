@@ -541,7 +541,7 @@ export function mount(root, send, options = {}) {
     const simulated = body.querySelector(".simulated");
     const nothing = ready && !budgets.length && !settled ? UNFORESEEN : "";
     const choices = [...body.querySelectorAll(".choice")];
-    const heights = choices.map((choice) => choice.offsetHeight);
+    const heights = choices.map((choice) => choice.getBoundingClientRect().height);
     if (nothing) body.querySelector(".form")?.classList.add("unforeseen");
     // at the first look no place was kept yet, later each choice keeps its height, so that Start does not move
     for (const [i, choice] of choices.entries()) choice.style.minHeight = nothing && looked ? `${heights[i]}px` : "";
