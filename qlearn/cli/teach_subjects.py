@@ -38,6 +38,7 @@ from qlearn.cli.conclusions.plan import (
     policy_holds,
     policy_nearly,
     policy_stakes,
+    valuation,
 )
 from qlearn.experiments.catalogue import COMPARATORS, PROBLEMS
 from qlearn.experiments.own_parts import Own
@@ -140,7 +141,13 @@ def taught_by(
         seed=seed,
         conclude=partial(policy_conclusion, told, plans, names),
         facts=_facts(
-            problem, header, comparator, seed, ("Tolerance", per_hundred(tolerance)), like=like
+            problem,
+            header,
+            comparator,
+            seed,
+            ("Tolerance", per_hundred(tolerance)),
+            like=like,
+            valued=valuation(mdp),
         ),
         enough=partial(policy_holds, told, plans),
         enough_is_slow=True,
@@ -200,8 +207,9 @@ def _facts(
     seed: int,
     *more: tuple[str, str],
     like: Sequence[str] = (),
+    valued: str = "",
 ) -> SessionFacts:
-    """Return the facts that a report names."""
+    """Return the facts that a report names. ``valued`` says how a plan is valued."""
     name = problem if isinstance(problem, str) else problem.name
     if name.lower().endswith(".csv"):
         name = Path(name).name
@@ -213,6 +221,8 @@ def _facts(
     }
     limits = [assumed[comparator]] if comparator in assumed else []
     limits.append("Only the outcomes that were shown are compared, and nothing else about them.")
+    if valued:
+        limits.append(valued)
     if name == "icu-sepsis":
         limits.append("“As if patients died” gives lost value a size that is easy to picture.")
     if like:
@@ -257,8 +267,8 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
     preamble = (
         "The patients are alike at the start. Choose the group that you would rather see, as a "
         "whole. The SOFA score measures organ failure from 0 to 24, and higher is worse. The four "
-        "middle conditions are quarters of the patients in the data, not clinical categories. "
-        "Their scores are rounded."
+        "middle conditions are quarters of the 713 groups of similar patients in the data, by "
+        "their mean SOFA score, and not clinical categories."
     )
     legend = (
         "Not advice for treatment: the plan comes from a statistical model of recorded "
@@ -273,10 +283,10 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
         duration="Each patient stays in the condition shown for 30 days. Compare these days only.",
         levels=(
             "Died in hospital",
-            "In intensive care, the worst quarter: SOFA score about 9 or more",
-            "In intensive care, the second worst quarter: SOFA score about 7 or 8",
-            "In intensive care, the second best quarter: SOFA score about 5 or 6",
-            "In intensive care, the best quarter: SOFA score about 4 or less",
+            "In intensive care, the worst quarter: mean SOFA score above 8.5",
+            "In intensive care, the second worst quarter: mean SOFA score 6.5 to 8.5",
+            "In intensive care, the second best quarter: mean SOFA score 4.7 to 6.5",
+            "In intensive care, the best quarter: mean SOFA score up to 4.7",
             "Alive and out of intensive care",
         ),
         purpose="It works out how good each condition is to you, and plans sepsis treatment to "

@@ -6,7 +6,6 @@ in 47 measurements, and the treatments that doctors gave there.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import cache
 from importlib.util import find_spec
@@ -37,7 +36,7 @@ def icu_states(mdp: OrdinalMDP) -> Callable[[str], str]:
     --------
     >>> from qlearn.problems.icu_sepsis import icu_sepsis
     >>> icu_states(icu_sepsis())("12 (mean SOFA 11.0)")
-    'critical, SOFA score about 11, 47% ventilated, 24% die (state 12)'
+    'critical, mean SOFA score 11.0, 47% ventilated, 24% die (state 12)'
     """
 
     def in_words(name: str) -> str:
@@ -46,9 +45,8 @@ def icu_states(mdp: OrdinalMDP) -> Callable[[str], str]:
             return name
         state, (ventilated, die) = int(number), _shares()
         return (
-            f"{mdp.labels[int(mdp.levels[state, 0])]}, SOFA score about "
-            f"{math.floor(float(score) + 0.5)}, {ventilated[state]:.0%} ventilated, "
-            f"{die[state]:.0%} die (state {number})"
+            f"{mdp.labels[int(mdp.levels[state, 0])]}, mean SOFA score {score}, "
+            f"{ventilated[state]:.0%} ventilated, {die[state]:.0%} die (state {number})"
         )
 
     return in_words

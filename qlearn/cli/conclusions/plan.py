@@ -59,9 +59,12 @@ def policy_conclusion(
         after = "Another comparator can state it."
     elif settled:
         headline = f"Your plan is settled. {_within(bound)}"
-        after, more = "You can stop here.", "More answers would narrow the values below."
+        after, more = "You can stop here.", "More answers would make the values below more exact."
         if found.leaning:
-            more = f"More answers would narrow the values below, and may decide more {told.states}."
+            more = (
+                "More answers would make the values below more exact, and may decide more "
+                f"{told.states}."
+            )
     else:
         headline = f"Your plan is not settled. It could still fall {most} short of your ideal plan."
         after = {
@@ -115,7 +118,7 @@ def _reasons(told: InWords, result: Result, found: DecidedPlan) -> dict[int, str
 
     An action leads to more of some levels and less of others than that of equal steps. A level
     matters as much as the difference, times that of its value from its value with equal steps. The
-    value is the best guess; "may" says that its range includes that of equal steps.
+    value is the best guess; "probably" says that its range includes that of equal steps.
     """
     value, steps = best_guess(result.comparator), np.linspace(0.0, 1.0, len(told.labels))
     ends = np.eye(len(told.labels)) - np.eye(len(told.labels))[0]
@@ -130,7 +133,7 @@ def _reasons(told: InWords, result: Result, found: DecidedPlan) -> dict[int, str
             sure = low[level] > steps[level] or high[level] < steps[level]
             why[state] = (
                 f"{grows} “{printable(told.labels[level])}”, which you "
-                f"{'value' if sure else 'may value'} {grows} than {100 * steps[level]:.0f}"
+                f"{'value' if sure else 'probably value'} {grows} than {100 * steps[level]:.0f}"
             )
     return why
 
@@ -158,7 +161,10 @@ def _changes(
         title = f"Your answers do not change the {told.plan}"
     if n and rest:
         some += f" In {rest} more your answers may change it, but do not decide it."
-    why_note = " “Why” names the level that matters most, and its value with equal steps."
+    why_note = (
+        " “Why” names the level that matters most by the best guess, and its value with equal "
+        "steps."
+    )
     certain, perhaps = (
         tuple(
             (
@@ -178,8 +184,9 @@ def _changes(
         f"Not decided by your answers in {rest} of {live} {told.states}",
         ("State", "In the plan (equal steps)", "Perhaps better", "Why"),
         perhaps,
-        "Your answers lean towards another action here, but do not decide it. So the plan keeps "
-        "the action that is best with equal steps, and more answers may change it."
+        "Another action is better here by the best guess of your values, but not for all values "
+        "that fit your answers. So the plan keeps the action that is best with equal steps. More "
+        "answers may decide for either."
         + (" It matters too little to ask more." if _bound(found) <= told.tolerance else ""),
         "undecided state",
     )
@@ -220,14 +227,16 @@ def _plan(
         )
         for s in np.flatnonzero(~mdp.terminal).tolist()
     )
-    return ResultTable(
-        "The whole plan",
-        ("State", "Action in the plan", "By your answers"),
-        rows,
-        f"“Changed” is another action than with equal steps. It is better {_for_certain(result)}. "
-        "“Not decided” is the action with equal steps, where your answers neither support nor rule "
-        "out another one.",
+    note = (
+        f"“Changed” is another action than with equal steps. It is better {_for_certain(result)}."
     )
+    if found.leaning:
+        note += (
+            " “Not decided” is the action with equal steps, where another one is better by the "
+            "best guess of your values, but not for certain."
+        )
+    columns = ("State", "Action in the plan", "By your answers")
+    return ResultTable("The whole plan", columns, rows, note)
 
 
 def _whole_policy(
@@ -274,6 +283,15 @@ def policy_stakes(told: InWords, result: Result) -> str | None:
     return (
         f"So far the best guess of your plan could fall {most} short of your ideal plan{sure}. "
         f"That is {told.loss(result.loss_bound)}. {until(told)}"
+    )
+
+
+def valuation(mdp: OrdinalMDP) -> str:
+    """Return sentences on how a policy is valued, from the values of the levels."""
+    ends = ", and the last one counts for ever" if mdp.terminal.any() else ""
+    return (
+        f"A plan is valued by the levels that follow from it, step by step{ends}. "
+        f"Each step counts {mdp.discount:.4g} times as much as the one before."
     )
 
 

@@ -279,7 +279,7 @@ export function mount(root, send, options = {}) {
   // what came in beside the question. Without one the bar stays where it is, for the last forecast may be too low.
   function fill(reply) {
     const done = screen.answered;
-    const over = screen.stage === "end" && screen.end.finished;
+    const over = screen.stage === "end" && (screen.end.finished || screen.end.settled);
     if (reply?.to_come) expected = done + 1 + reply.to_come[1];
     else if (reply && expected) expected = Math.max(expected, done + 1 + (reply.at_least ?? 0));
     const all = Math.min(screen.budget ?? Infinity, expected ?? Infinity);
@@ -552,7 +552,7 @@ export function mount(root, send, options = {}) {
   function end() {
     const { open, scale, certainty, statements, conflicts, changes, caution, remarks, settled, status, more } = screen.end;
     const { plan, scale_notes: notes } = screen.end;
-    const after = `${status} after ${answersOf(screen.end.counts.answered)}`;
+    const after = `${status} (${answersOf(screen.end.counts.answered)})`;
     const top = [part("p", settled ? "status good" : "status", {}, [settled ? `✓ ${after}` : after])];
     for (const said of [caution, ...remarks].filter(Boolean)) top.push(part("p", "caution", {}, [said]));
     const facts = [

@@ -31,6 +31,6 @@ def test_states_are_described_by_the_tables_of_the_benchmark() -> None:
     mdp = icu_sepsis()
     words = icu.icu_states(mdp)
     assert words(mdp.state_name(12)) == (
-        "critical, SOFA score about 11, 47% ventilated, 24% die (state 12)"
+        "critical, mean SOFA score 11.0, 47% ventilated, 24% die (state 12)"
     )
     assert words("died") == "died"

@@ -123,18 +123,21 @@ def test_a_plan_changes_only_what_is_certain_and_says_what_is_not_decided(
             note += f" In {rest} more your answers may change it, but do not decide it."
         assert changes.title == title
         if len(states):
-            note += " “Why” names the level that matters most, and its value with equal steps."
+            note += (
+                " “Why” names the level that matters most by the best guess, and its value with "
+                "equal steps."
+            )
         steps = "equal steps between the levels (each better than the one below it by the same "
         assert changes.note.strip() == f"Compared with {steps}amount).{note}"
         for state, row in zip(certain.tolist(), changes.rows, strict=True):
             why, more = row[3], d[states.tolist().index(state)]
             if why != "what follows in the rest of the plan":
                 grows, label = re.fullmatch(
-                    r"(more|less) “(.*)”, which you (?:may )?value \1 than \d+", why
+                    r"(more|less) “(.*)”, which you (?:probably )?value \1 than \d+", why
                 ).groups()
                 level = mdp.labels.index(label)
                 assert (more[level] > 0) == (grows == "more")
-                if "may" not in why:  # it holds for every plausible scale
+                if "probably" not in why:  # it holds for every plausible scale
                     apart = (
                         np.eye(4)[[level]]
                         - np.eye(4)[[0]]
