@@ -22,6 +22,7 @@ from elicit.model.scale import order_bounds
 from elicit.testing import check_comparator
 from tests.noisy_cases import pairs
 from tests.scale_arithmetic import Floats, tail_sums
+from tests.thoroughness import on_any_processor
 
 REGIONS = ["ensemble", "box"]
 
@@ -274,6 +275,7 @@ def test_a_tutor_against_the_order_ends_in_silence(region: str, rescale: bool) -
 # How well it decides
 
 
+@on_any_processor
 @pytest.mark.parametrize(
     ("k", "n", "alpha"), [(5, 100, 1.0), (5, 20, 0.2), (10, 100, 1.0), (10, 40, 0.2)]
 )
