@@ -122,6 +122,7 @@ def test_what_every_scale_orders_needs_no_question(vectors, comparator, order, d
     assert choose(vectors, comparator).ask() == ()
 
 
+@on_any_processor
 def test_the_number_of_questions():
     for seed in range(scaled(1, 5)):
         vectors = shares(seed, 30)

@@ -29,7 +29,7 @@ from tests.lp_cases import (
     verdict,
 )
 from tests.scale_arithmetic import tail_sums
-from tests.thoroughness import quick_first, scaled
+from tests.thoroughness import on_any_processor, quick_first, scaled
 
 
 @pytest.mark.parametrize("seed", quick_first(range(2), 1))
@@ -118,6 +118,7 @@ def test_a_comparator_shares_nothing_that_changes_with_what_is_made_of_it() -> N
     check_proofs(several[0])
 
 
+@on_any_processor
 def test_very_many_levels() -> None:
     rng = np.random.default_rng(2)
     truth = draw_truth(rng, 119)
@@ -134,6 +135,7 @@ def test_very_many_levels() -> None:
         assert verdict(*(s * minimise_exactly(s * t, c.region).value for s in (1, -1))) == given[i]
 
 
+@on_any_processor
 @pytest.mark.parametrize("k", quick_first([12, 6], 1))
 def test_ten_thousand_answers_at_once(k: int) -> None:
     rng = np.random.default_rng(k)

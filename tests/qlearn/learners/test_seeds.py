@@ -46,7 +46,7 @@ def test_problems() -> None:
             call()
 
 
-@pytest.mark.parametrize("make", LEARNERS)
+@pytest.mark.parametrize("make", quick_first(LEARNERS, len(LEARNERS), older=2))
 def test_learners(make: Make) -> None:
     (first, audits), (second, same) = q_of(make, seed=5), q_of(make, rng=5)
     assert np.array_equal(first, second)

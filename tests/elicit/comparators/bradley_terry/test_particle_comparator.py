@@ -96,16 +96,20 @@ def assert_sane(c: PosteriorComparator, least: float = 0.05) -> None:
 
 @pytest.mark.parametrize(
     ("k", "n", "settings"),
-    [
-        (2, 0, {}),
-        (8, 0, {"precision": 20.0, "lapse": 0.0}),
-        (4, 0, {"precision": 0}),
-        (5, 0, {"shape": (1.0, 1.0), "particles": 37, "seed": 4}),
-        (5, 0, {"prior": ["e3 >= 0.5", "e4 - e3 <= 0.1"]}),
-        (5, 40, {}),
-        (6, 100, {"level": 0.99}),
-        (5, 0, {"level": 0.8}),
-    ],
+    quick_first(
+        [
+            (2, 0, {}),
+            (5, 40, {}),
+            (5, 0, {"prior": ["e3 >= 0.5", "e4 - e3 <= 0.1"]}),
+            (8, 0, {"precision": 20.0, "lapse": 0.0}),
+            (4, 0, {"precision": 0}),
+            (5, 0, {"shape": (1.0, 1.0), "particles": 37, "seed": 4}),
+            (6, 100, {"level": 0.99}),
+            (5, 0, {"level": 0.8}),
+        ],
+        8,
+        older=3,
+    ),
 )
 def test_it_keeps_the_contract(k: int, n: int, settings: dict[str, Any]) -> None:
     comparator = PosteriorComparator(k, **settings).update(told(k, n))

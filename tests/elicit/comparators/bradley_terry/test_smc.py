@@ -164,6 +164,7 @@ def test_the_likelihood_is_the_formula_and_gives_up_only_below_the_least(
         )
 
 
+@on_any_processor
 @pytest.mark.parametrize("k", [2, 3, 5, 10, 20])
 @pytest.mark.parametrize("shape", [(0.1, 2.0), (1.0, 1.0), (0.5, 0.6)])
 def test_the_prior_is_the_stated_one(k: int, shape: tuple[float, float]) -> None:

@@ -194,6 +194,7 @@ def decrement(rows: Floats, slack: Floats, flat: Floats) -> float:
     return float(np.linalg.norm(scaled @ step))
 
 
+@on_any_processor
 @pytest.mark.parametrize(
     "seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 4))]
 )
@@ -519,6 +520,7 @@ def test_huge_and_tiny_in_one_difference() -> None:
         c.update(Answers([odd], [1]))
 
 
+@on_any_processor
 @pytest.mark.parametrize(
     ("k", "flat"), [(10, 0), pytest.param(25, 0, marks=pytest.mark.slow), (12, 4)]
 )
