@@ -156,12 +156,12 @@ def _files(place: str) -> list[str]:
     """
     if not os.path.isdir(f"{ROOT}/{place}"):
         return [place]
-    found = [
-        f"{folder}/{name}"[len(f"{ROOT}/") :]
-        for folder, _, names in os.walk(f"{ROOT}/{place}")
-        for name in names
-        if name.endswith(".py")
-    ]
+    found = []
+    for folder, folders, names in os.walk(f"{ROOT}/{place}"):
+        if "__pycache__" in folders:  # where compiled code may be kept in thousands of files
+            folders.remove("__pycache__")
+        inside = folder[len(f"{ROOT}/") :]
+        found += [f"{inside}/{name}" for name in names if name.endswith(".py")]
     return sorted(found, key=lambda name: name.split("/"))
 
 
