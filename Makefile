@@ -30,7 +30,7 @@ test: $(READY)  ## the tests, without the slow ones
 	$(BIN)/python -m pytest -q -n auto --dist worksteal
 
 FOLDERS ?= tests
-test-portable: $(READY)  ## the same as on an older processor: make test-portable FOLDERS=tests/elicit/lp for some
+test-portable: $(READY)  ## fewer of them, as on an older processor: make test-portable FOLDERS=tests/elicit/lp for some
 	$(BIN)/python -m tests.older_processor $(BIN)/python -m qlearn.warm_up
 	$(BIN)/python -m tests.older_processor $(BIN)/python -m pytest -q -n auto --dist worksteal $(FOLDERS)
 

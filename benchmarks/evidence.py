@@ -64,9 +64,10 @@ class Page(NamedTuple):
         stamp = stamps.of(ROOT / self.path) if (ROOT / self.path).exists() else None
         if stamp is None or not stamp.sources:
             return "made before stamps" if stamp else "not stamped"
-        if stamp.sources == self.sources_now:
+        now = self.sources_now
+        if stamp.sources == now:
             return "current"
-        return "repeated" if stamp.again_by == self.sources_now else "of older sources"
+        return "repeated" if stamp.again_by == now else "of older sources"
 
     @property
     def stale(self) -> bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import hashlib
 import json
+import os
 import re
 import shlex
 import sys
@@ -138,15 +139,30 @@ def sources(program: str) -> str:
         for page in manifest():
             places += page.get("sources", []) if page["command"].split()[0] == program else []
         aside -= {*places}
+    left_out = tuple(f"{each}/" for each in aside)
     for place in dict.fromkeys(places):
-        path = ROOT / place
-        for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
-            name = file.relative_to(ROOT).as_posix()
-            if any(f"{name}/".startswith(f"{each}/") for each in aside):
+        for name in _files(place):
+            if name in aside or name.startswith(left_out):
                 continue
             digest.update(name.encode())
-            digest.update(_code_of(file, file.stat().st_mtime_ns))
+            digest.update(_code_of(name, os.stat(f"{ROOT}/{name}").st_mtime_ns))
     return digest.hexdigest()
+
+
+def _files(place: str) -> list[str]:
+    """Return the paths of a file or of the code in a folder, in the order of their parts.
+
+    Strings, since this is done for every page.
+    """
+    if not os.path.isdir(f"{ROOT}/{place}"):
+        return [place]
+    found = []
+    for folder, folders, names in os.walk(f"{ROOT}/{place}"):
+        if "__pycache__" in folders:  # where compiled code may be kept in thousands of files
+            folders.remove("__pycache__")
+        inside = folder[len(f"{ROOT}/") :]
+        found += [f"{inside}/{name}" for name in names if name.endswith(".py")]
+    return sorted(found, key=lambda name: name.split("/"))
 
 
 def manifest() -> list[dict[str, Any]]:
@@ -158,9 +174,10 @@ def manifest() -> list[dict[str, Any]]:
 
 
 @cache
-def _code_of(file: Path, changed: int) -> bytes:
+def _code_of(name: str, changed: int) -> bytes:
     """Return a hash of the code of a file that was last changed at that time."""
-    return hashlib.blake2b(_bare(file.read_text(encoding="utf-8")), digest_size=16).digest()
+    code = (ROOT / name).read_text(encoding="utf-8")
+    return hashlib.blake2b(_bare(code), digest_size=16).digest()
 
 
 def _bare(code: str) -> bytes:

@@ -21,6 +21,7 @@ def environment() -> dict[str, str]:
         "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX2_Usable,-FMA_Usable",
         "NUMBA_CPU_NAME": "x86-64",
         "NUMBA_CPU_FEATURES": "",
+        "TESTS_ON_OLDER_PROCESSOR": "1",  # which says to tests/thoroughness.py what to leave out
     }
 
 

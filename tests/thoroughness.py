@@ -1,6 +1,10 @@
-"""Thoroughness of a test: all its cases in a run that has the slow tests, a part in a quick one."""
+"""Thoroughness of a test: all its cases in a run that has the slow tests, a part in a quick one.
 
-from collections.abc import Iterable
+A quick run as on an older processor has fewer still, for another quick run goes before it.
+"""
+
+import os
+from collections.abc import Callable, Iterable
 from itertools import combinations, product
 from typing import Any, TypeVar
 
@@ -8,9 +12,11 @@ import pytest
 from hypothesis import settings
 
 T = TypeVar("T")
+Test = TypeVar("Test", bound=Callable[..., Any])
 
+OLDER = "TESTS_ON_OLDER_PROCESSOR" in os.environ  # which tests/older_processor.py sets
 QUICK, SLOW = "quick", "slow"
-settings.register_profile(QUICK, max_examples=10, deadline=None)
+settings.register_profile(QUICK, max_examples=5 if OLDER else 10, deadline=None)
 settings.register_profile(SLOW, max_examples=100, deadline=None)
 
 
@@ -24,9 +30,21 @@ def thorough() -> bool:
     return settings.get_current_profile_name() != QUICK
 
 
-def scaled(quick: T, slow: T) -> T:
-    """Return the first in a quick run, else the second: a number of seeds or cases, say."""
-    return slow if thorough() else quick
+def scaled(quick: T, slow: T, older: T | None = None) -> T:
+    """Return the first in a quick run, else the second: a number of seeds or cases, say. In a quick
+    run as on an older processor, return the third if there is one.
+    """
+    if thorough():
+        return slow
+    return older if OLDER and older is not None else quick
+
+
+def on_any_processor(test: Test) -> Test:
+    """Mark a test whose outcome does not hang on the processor (of errors, of how a program starts,
+    of what a simulation with wide limits says) as slow in a run as on an older one.
+    """
+    marked: Test = pytest.mark.slow(test) if OLDER else test
+    return marked
 
 
 def examples(slow: int) -> settings:
@@ -36,8 +54,12 @@ def examples(slow: int) -> settings:
     return settings(max_examples=max(5, slow * settings.default.max_examples // 100), deadline=None)
 
 
-def quick_first(values: Iterable[Any], quick: int) -> list[Any]:
-    """Return a test's parameters, all but the first ``quick`` of them marked as slow."""
+def quick_first(values: Iterable[Any], quick: int, older: int | None = None) -> list[Any]:
+    """Return a test's parameters, all but the first ``quick`` of them marked as slow.
+
+    As on an older processor these are all but the first ``older``, if that is given.
+    """
+    quick = older if OLDER and older is not None else quick
     return [
         value if i < quick else pytest.param(value, marks=pytest.mark.slow)
         for i, value in enumerate(values)
@@ -48,8 +70,9 @@ def covering(*factors: Iterable[Any], together: int = 2) -> list[Any]:
     """Return all combinations of values, the parameters of a test, few of them in the quick run.
 
     Any ``together`` values of different factors meet in one of these, so each pair of values does
-    by default. The others are slow.
+    by default; as on an older processor each single value. The others are slow.
     """
+    together = 1 if OLDER else together
     values = [[*factor] for factor in factors]
     cases = [*product(*(range(len(each)) for each in values))]
     groups = [*combinations(range(len(values)), together)]

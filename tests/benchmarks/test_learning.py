@@ -23,7 +23,7 @@ from qlearn import InteractiveQLearning, drive, random_mdp
 from qlearn.learners.q_learning import rescaled_linear_rate
 from tests.scalar_q_learning import scalar_q_learning
 from tests.scale_arithmetic import tail_sums
-from tests.thoroughness import quick_first
+from tests.thoroughness import covering, quick_first
 
 STEPS = 150
 TINY = Setting(k=4, states=8, actions=3, steps=STEPS, seeds=1, repeats=1)
@@ -43,8 +43,9 @@ def made(mdp, epsilon=0.1):
     return InteractiveQLearning(mdp, PolytopeComparator(4), steps=STEPS, epsilon=epsilon, rng=3)
 
 
-@pytest.mark.parametrize("make", [plain.Rebuilt, plain.Careful])
-@pytest.mark.parametrize("epsilon", [0.1, 1.0])
+@pytest.mark.parametrize(
+    ("make", "epsilon"), covering([plain.Rebuilt, plain.Careful], [0.1, 1.0], together=1)
+)
 def test_a_plain_loop_asks_the_learners_questions_and_ends_with_its_policy(make, epsilon, problem):
     mdp, values = problem
     ours = drive(made(mdp, epsilon), TruthfulTutor(values))
@@ -61,7 +62,7 @@ def test_a_plain_loop_asks_the_learners_questions_and_ends_with_its_policy(make,
     assert 0 < theirs.judging < theirs.seconds
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", quick_first(range(4), 2))
 def test_the_loop_that_knows_is_scalar_q_learning_and_starts_where_the_learner_does(seed):
     mdp, values = random_mdp(8, 3, 4, rng=seed)
     learner = InteractiveQLearning(mdp, PolytopeComparator(4), steps=STEPS, epsilon=0.3, rng=seed)

@@ -18,6 +18,7 @@ from qlearn import InteractiveQLearning, drive, random_mdp
 from qlearn.learners.exploration import EXPLORATIONS, Exploration
 from qlearn.learners.q_learning import rescaled_linear_rate
 from tests.scalar_q_learning import scalar_q_learning
+from tests.thoroughness import scaled
 
 
 def test_exploration_measures_every_choice(capsys, tmp_path):
@@ -173,8 +174,9 @@ def test_the_rows_behind_the_ablation_notebook_are_paired():
         "max_queries": 20,
         "n_boot": 5,
     }
+    levels = scaled((3,), (3, 4))
     rows = table(
-        levels=(3, 4),
+        levels=levels,
         tasks=(),
         particles=50,
         tolerance=0.05,
@@ -182,7 +184,7 @@ def test_the_rows_behind_the_ablation_notebook_are_paired():
         jobs=1,
         **tiny,
     )
-    assert sorted(rows.k.unique()) == [3, 4]
+    assert sorted(rows.k.unique()) == [*levels]
     audited = rows[rows.name == "polytope, audited"]
     assert (audited.audit > 0).all()
     assert (audited.rounds[audited.learner == "q-learning"] == 60).all()  # as long as the others

@@ -12,13 +12,13 @@ from benchmarks.learning import scalar_solvers
 from benchmarks.learning import value_iteration_cost as ivi
 from benchmarks.quotes import table_rows
 from qlearn import policy_loss, random_mdp
-from tests.thoroughness import quick_first
+from tests.thoroughness import quick_first, scaled
 
 
 @pytest.mark.parametrize("jobs", quick_first([1, 2], 1))
 def test_all_on_share_vectors_solve_the_problem(jobs: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ivi, "BLOCK", 32)
-    mdp, values = random_mdp(100, 5, 10, rng=0)
+    mdp, values = random_mdp(*scaled((40, 4, 6), (100, 5, 10)), rng=0)
     found = {method: solve(mdp, values, jobs) for method, solve in ivi.VECTORS.items()}
     for run in found.values():
         assert policy_loss(mdp, run["policy"], values).max() <= ivi.TOLERANCE

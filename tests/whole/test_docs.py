@@ -17,7 +17,7 @@ PAGES = [
     page for page in sorted(DOCS.glob("*.md")) if "```python" in page.read_text(encoding="utf-8")
 ]
 assert PAGES
-COSTLY = {"before-you-ask", "families", "people"}  # whole runs of a learner, fits to each person
+COSTLY = {"before-you-ask", "families", "panel", "people"}  # whole runs, fits to each person
 EACH = """
 import contextlib, io, json, traceback
 printed = []

@@ -3,6 +3,7 @@ today's sources.
 """
 
 import hashlib
+import json
 import re
 from pathlib import Path
 
@@ -198,27 +199,59 @@ def test_where_nothing_can_be_written_it_works_all_the_same() -> None:
     assert run(code) == ["2.0"]
 
 
-def test_it_is_interpreted_until_it_has_taken_long(tmp_path: Path) -> None:
-    """Also what it calls; and no sooner is it compiled than when it is called again."""
-    (tmp_path / "helper.py").write_text(HELPER.format(1))
-    (tmp_path / "caller.py").write_text(CALLER)
-    code = """
+STRANGE = """import math
+import numpy as np
+from elicit._support.jit import compiled
+@compiled
+def strange(x, i, h):
+    out = np.empty(12)
+    out[0], out[1], out[2] = math.log(x[0]), math.log(-x[1]), math.sqrt(-x[1])
+    out[3], out[4], out[5] = math.exp(1e3 * x[1]), math.ldexp(x[1], 5000), math.expm1(1e3 * x[1])
+    out[6], out[7], out[8] = x[1] / x[0], -x[1] / x[0], x[0] / x[0]
+    out[9], out[10] = i[0] // i[1], i[0] % i[1]
+    out[11] = x[2] * x[3] + x[4]
+    return out, h * h + h, x[1] > x[0], x[1]
+"""
+
+
+NUMBERS = """
+import numpy as np
+from strange_numbers import strange
+x = np.array([0.0, 1.0, 1.0 + 2.0**-30, 1.0 - 2.0**-30, -1.0])
+out, *rest = strange(x, np.array([-7, 3]), np.uint64(2**63 + 3))
+print(np.where(np.isnan(out), 7.0, out).tobytes().hex(), rest, [type(each).__name__ for each in rest])
+"""  # noqa: E501
+WRITTEN_OUT = """from elicit._support.jit import compiled, written_out
+@written_out
+def part(x, i):
+    grown = x * 1.1 + i
+    return grown, i % 3
+@compiled
+def loop(n):
+    total, x = 0.0, 0.5
+    for i in range(n):
+        x, rest = part(x, i)
+        total += x - rest
+    return total
+"""
+PROGRAMS: dict[str, tuple[dict[str, str], str]] = {  # each has modules of its own
+    "until it has taken long": (
+        {"helper": HELPER.format(1), "caller": CALLER},
+        """
 from caller import caller
 clock = iter([0.0, 0.1, 0.2, 1000.0])
 jit.thread_time = lambda: next(clock)
 print(caller(1), caller(2), sorted(Watch.seen))
 print(caller(3), sorted(Watch.seen))
-"""
-    kept = {"NUMBA_CACHE_DIR": str(tmp_path / "kept"), **PATIENT}
-    assert run(WATCH + code, tmp_path, **kept) == ["4 6 []", "8 ['caller', 'helper']"]
-
-
-def test_in_parts_only_what_takes_long_itself_is_compiled(tmp_path: Path) -> None:
-    """Once it is compiled, for whichever function, its machine code is called."""
-    (tmp_path / "helper.py").write_text(HELPER.format(1))
-    (tmp_path / "caller.py").write_text(CALLER.replace("compiled", "compiled_in_parts"))
-    (tmp_path / "other.py").write_text(CALLER)
-    code = """
+""",
+    ),
+    "in parts": (
+        {
+            "helper": HELPER.format(1),
+            "caller": CALLER.replace("compiled", "compiled_in_parts"),
+            "other": CALLER,
+        },
+        """
 import other
 from caller import caller, helper
 clock = iter([0.0, 0.1, 0.2, 1000.0])
@@ -229,14 +262,93 @@ print(other.caller(2), Watch.seen)
 jit.thread_time = lambda: next(clock)
 print(caller(3), Watch.seen)  # two calls of the clock: helper is not interpreted
 print(next(clock))
+""",
+    ),
+    "at once": (
+        {"helper": HELPER.format(1)},
+        """
+from helper import helper
+jit.expect(helper, 0.01)
+print(helper(1), Watch.seen)
+jit.expect(helper, 1000.0)
+print(helper(1), Watch.seen)
+""",
+    ),
+    "written out": (
+        {"loop": WRITTEN_OUT},
+        """
+from loop import loop, part
+interpreted = loop(50)
+jit.expect(loop, 1000.0)
+print(loop(50) == interpreted, sorted(Watch.seen), part(1.0, 4))
+""",
+    ),
+    "strange numbers": ({"strange_numbers": STRANGE}, NUMBERS),
+}
+ONE_AFTER_ANOTHER = """
+import contextlib, io, json, sys, traceback
+clock, said = jit.thread_time, {}
+for name, folder, code in json.loads(PROGRAMS):
+    jit.thread_time, Watch.seen = clock, []
+    before = {*sys.modules}
+    sys.path.insert(0, folder)
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        try:
+            exec(code, {"jit": jit, "Watch": Watch})
+        except Exception:
+            traceback.print_exc(file=out)
+    sys.path.remove(folder)
+    for module in {*sys.modules} - before:  # the next one has others of the same names
+        if (getattr(sys.modules[module], "__file__", None) or "").startswith(folder):
+            del sys.modules[module]
+    said[name] = out.getvalue().splitlines()
+print(json.dumps(said))
 """
-    kept = {"NUMBA_CACHE_DIR": str(tmp_path / "kept"), **PATIENT}
-    assert run(WATCH + code, tmp_path, **kept) == [
+
+
+@pytest.fixture(scope="module")
+def said(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
+    """Return what each program prints where nothing is compiled first.
+
+    One interpreter runs them all, since most of the time goes into starting it.
+    """
+    root = tmp_path_factory.mktemp("patient")
+    programs = []
+    for i, (name, (modules, code)) in enumerate(PROGRAMS.items()):
+        folder = root / str(i)
+        folder.mkdir()
+        for module, text in modules.items():
+            (folder / f"{module}.py").write_text(text)
+        programs.append((name, str(folder), code))
+    code = WATCH + ONE_AFTER_ANOTHER.replace("PROGRAMS", repr(json.dumps(programs)))
+    (printed,) = run(code, root, NUMBA_CACHE_DIR=str(root / "kept"), **PATIENT)
+    found: dict[str, list[str]] = json.loads(printed)
+    return found
+
+
+def test_it_is_interpreted_until_it_has_taken_long(said: dict[str, list[str]]) -> None:
+    """Also what it calls; and no sooner is it compiled than when it is called again."""
+    assert said["until it has taken long"] == ["4 6 []", "8 ['caller', 'helper']"]
+
+
+def test_in_parts_only_what_takes_long_itself_is_compiled(said: dict[str, list[str]]) -> None:
+    """Once it is compiled, for whichever function, its machine code is called."""
+    assert said["in parts"] == [
         "4 []",
         "6 ['caller', 'helper']",
         "8 ['caller', 'helper']",
         "0.2",
     ]
+
+
+def test_what_would_take_long_is_compiled_at_once(said: dict[str, list[str]]) -> None:
+    assert said["at once"] == ["2 []", "2 ['helper']"]
+
+
+def test_what_is_written_out_is_the_same_and_has_no_machine_code_of_its_own(
+    said: dict[str, list[str]],
+) -> None:
+    assert said["written out"] == [f"True ['loop'] {(1.0 * 1.1 + 4, 1)}"]
 
 
 def test_the_disk_is_searched_only_where_a_checkout_keeps_its_code(tmp_path: Path) -> None:
@@ -248,22 +360,10 @@ def test_the_disk_is_searched_only_where_a_checkout_keeps_its_code(tmp_path: Pat
         (tmp_path / name / "helper.py").write_text(HELPER.format(1))
         code = "from helper import helper; helper(1); print(helper._may_be_kept)"
         first = "from helper import helper; jit.expect(helper, 1000.0); helper(1)\n"
-        run(WATCH + (first if name == "here" else ""), tmp_path / name, **kept)
+        if name == "here":
+            run(WATCH + first, tmp_path / name, **kept)
         found += run(WATCH + code, tmp_path / name, **kept)
     assert found == ["True", "False"]
-
-
-def test_what_would_take_long_is_compiled_at_once(tmp_path: Path) -> None:
-    (tmp_path / "helper.py").write_text(HELPER.format(1))
-    code = """
-from helper import helper
-jit.expect(helper, 0.01)
-print(helper(1), Watch.seen)
-jit.expect(helper, 1000.0)
-print(helper(1), Watch.seen)
-"""
-    found = run(WATCH + code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "kept"), **PATIENT)
-    assert found == ["2 []", "2 ['helper']"]
 
 
 @pytest.mark.slow
@@ -293,37 +393,17 @@ def test_machine_code_is_used_where_numba_has_it_on_its_disk(tmp_path: Path) -> 
     assert runs("1") == ["11 [] 0"]
 
 
-STRANGE = """import math
-import numpy as np
-from elicit._support.jit import compiled
-@compiled
-def strange(x, i, h):
-    out = np.empty(12)
-    out[0], out[1], out[2] = math.log(x[0]), math.log(-x[1]), math.sqrt(-x[1])
-    out[3], out[4], out[5] = math.exp(1e3 * x[1]), math.ldexp(x[1], 5000), math.expm1(1e3 * x[1])
-    out[6], out[7], out[8] = x[1] / x[0], -x[1] / x[0], x[0] / x[0]
-    out[9], out[10] = i[0] // i[1], i[0] % i[1]
-    out[11] = x[2] * x[3] + x[4]
-    return out, h * h + h, x[1] > x[0], x[1]
-"""
-
-
-def test_interpreted_numbers_are_those_of_machine_code(tmp_path: Path) -> None:
+def test_interpreted_numbers_are_those_of_machine_code(
+    said: dict[str, list[str]], tmp_path: Path
+) -> None:
     """Without warnings, where Python's own would be errors; no product and sum are one
     operation.
     """
     (tmp_path / "strange_numbers.py").write_text(STRANGE)
-    code = """
-import numpy as np
-from strange_numbers import strange
-x = np.array([0.0, 1.0, 1.0 + 2.0**-30, 1.0 - 2.0**-30, -1.0])
-out, *rest = strange(x, np.array([-7, 3]), np.uint64(2**63 + 3))
-print(np.where(np.isnan(out), 7.0, out).tobytes().hex(), rest, [type(each).__name__ for each in rest])
-"""  # noqa: E501
     kept = {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
-    machine = run(code, tmp_path, **kept, ELICIT_COMPILE_FIRST="1")[-1]
-    assert run(code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "none"), **PATIENT) == [machine]
-    assert run(code, tmp_path, **kept, NUMBA_DISABLE_JIT="1") == [machine]
+    machine = run(NUMBERS, tmp_path, **kept, ELICIT_COMPILE_FIRST="1")[-1]
+    assert said["strange numbers"] == [machine]
+    assert run(NUMBERS, tmp_path, **kept, NUMBA_DISABLE_JIT="1") == [machine]
 
 
 def test_numbers_that_stand_in_a_call_make_no_version_of_their_own(tmp_path: Path) -> None:
@@ -333,28 +413,3 @@ def test_numbers_that_stand_in_a_call_make_no_version_of_their_own(tmp_path: Pat
     )
     code = "from caller import caller, helper; print(caller(1), len(helper.machine.signatures))"
     assert run(code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "kept"))[-1] == "3 1"
-
-
-def test_what_is_written_out_is_the_same_and_has_no_machine_code_of_its_own(tmp_path: Path) -> None:
-    (tmp_path / "loop.py").write_text(
-        "from elicit._support.jit import compiled, written_out\n"
-        "@written_out\n"
-        "def part(x, i):\n"
-        "    grown = x * 1.1 + i\n"
-        "    return grown, i % 3\n"
-        "@compiled\n"
-        "def loop(n):\n"
-        "    total, x = 0.0, 0.5\n"
-        "    for i in range(n):\n"
-        "        x, rest = part(x, i)\n"
-        "        total += x - rest\n"
-        "    return total\n"
-    )
-    code = """
-from loop import loop, part
-interpreted = loop(50)
-jit.expect(loop, 1000.0)
-print(loop(50) == interpreted, sorted(Watch.seen), part(1.0, 4))
-"""
-    found = run(WATCH + code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "kept"), **PATIENT)
-    assert found == [f"True ['loop'] {(1.0 * 1.1 + 4, 1)}"]

@@ -27,7 +27,7 @@ from elicit import (
     choose,
 )
 from tests.scale_arithmetic import dot, gaps, tail_sums
-from tests.thoroughness import covering, examples, scaled
+from tests.thoroughness import covering, examples, on_any_processor, scaled
 
 K = 5
 HIDDEN = np.array([0, 8, 20, 25, 80])
@@ -56,7 +56,7 @@ COMPARATORS = [AlwaysAsk(K), Dominance(K), PolytopeComparator(K)]
     ("comparator", "order", "n"), covering(COMPARATORS, [False, True], [17, 1, 2, 3])
 )
 def test_a_truthful_tutor_leads_to_the_truth(comparator, order, n):
-    for seed in range(6):
+    for seed in range(scaled(3, 6)):
         vectors = shares(seed, n)
         choice = choose(vectors, comparator, order)
 
@@ -122,8 +122,9 @@ def test_what_every_scale_orders_needs_no_question(vectors, comparator, order, d
     assert choose(vectors, comparator).ask() == ()
 
 
+@on_any_processor
 def test_the_number_of_questions():
-    for seed in range(scaled(2, 5)):
+    for seed in range(scaled(1, 5)):
         vectors = shares(seed, 30)
         tutor = TruthfulTutor(HIDDEN)
         always = run(choose(vectors, AlwaysAsk(K)), tutor)
@@ -196,6 +197,7 @@ def test_equal_is_equal_from_then_on():
     assert choice.result().decided["known"] == 1
 
 
+@on_any_processor
 def test_a_wrong_guess_costs_little():
     """The best guess has the whole order upside down: still far from the 496 pairs."""
     lengths = np.cumsum(np.random.default_rng(0).random(32) / 32)[:, None] + 0.1
@@ -313,6 +315,7 @@ def test_cannot_tell_leaves_the_best_guess(comparator, order):
         assert list(result.order) == guess
 
 
+@on_any_processor
 @pytest.mark.parametrize("order", [False, True])
 def test_the_budget(order):
     vectors, tutor = shares(5, 20), TruthfulTutor(HIDDEN)
@@ -335,6 +338,7 @@ def test_the_budget(order):
             assert result.order == (tuple(guess) if order else None)
 
 
+@on_any_processor
 def test_a_result_at_any_time():
     vectors = shares(6, scaled(12, 20))
     for order in (False, True):
@@ -348,11 +352,12 @@ def test_a_result_at_any_time():
             choice.tell([TruthfulTutor(HIDDEN)(q) for q in queries])
 
 
+@on_any_processor
 @pytest.mark.parametrize("order", [False, True])
 @pytest.mark.parametrize("rate", [0.05, 0.15, 0.5])
 def test_an_erring_tutor_ends_it_all_the_same(order, rate):
     """Answers may run in circles; the questions end, and the result is an order of all vectors."""
-    for seed in range(5):
+    for seed in range(scaled(2, 5)):
         vectors = shares(seed, 15)
         choice = choose(vectors, Dominance(K), order)
         asked = run(choice, FlippingTutor(HIDDEN, rate, seed))

@@ -41,7 +41,7 @@ from elicit.model.comparator import BY_ANSWERS
 from elicit.model.difference_kernel import LEFT_OPEN
 from tests.noisy_cases import COMPARATORS
 from tests.scale_arithmetic import Floats, dominance, tail_sums
-from tests.thoroughness import examples
+from tests.thoroughness import examples, on_any_processor
 
 K = 5
 VALUES = np.array([0, 8, 20, 25, 80])
@@ -157,6 +157,7 @@ def asking(
     )
 
 
+@on_any_processor
 def test_what_settles_a_pair_and_in_which_order() -> None:
     by_comparator = [
         (EQUAL, Tier.EQUAL),

@@ -22,6 +22,7 @@ from elicit import (
 from elicit.model.comparator import BY_ANSWERS
 from elicit.testing import check_comparator
 from tests.noisy_cases import pairs
+from tests.thoroughness import OLDER
 
 BOOTSTRAP = partial(BradleyTerryComparator, precision=20.0, n_boot=30)
 MADE: dict[str, Callable[[int], Comparator]] = {
@@ -51,9 +52,9 @@ def told(name: str, k: int, n: int) -> Comparator:
 @pytest.mark.parametrize(
     ("name", "k", "n"),
     [
-        pytest.param(name, k, n, marks=[pytest.mark.slow] if n > most else [])
+        pytest.param(name, k, n, marks=[pytest.mark.slow] if n > most or (OLDER and k > 3) else [])
         for name in MADE
-        for most in [12 if "rescaled" in name or "margin" in name else 40]  # variants of others
+        for most in [12 if OLDER or "rescaled" in name or "margin" in name else 40]  # variants
         for k, n in ((2, 0), (3, 12), (5, 0), (5, 40), (9, 60))
     ],
 )

@@ -13,7 +13,7 @@ from elicit.lp.dual_simplex import End, Vertex, minimise, minimise_exactly
 from elicit.lp.region import Region
 from tests.lp_cases import cases, dot, exact, exactly, is_empty, least_from_scratch, region
 from tests.scale_arithmetic import tail_sums
-from tests.thoroughness import quick_first
+from tests.thoroughness import on_any_processor, quick_first
 
 
 def check_optimal(t: Any, r: Region, found: Vertex) -> None:
@@ -100,6 +100,7 @@ def test_a_row_of_zeros() -> None:
     assert minimise_exactly(np.ones(3), region(zeros, rhs=[-1e-300])).end is End.OPTIMAL
 
 
+@on_any_processor
 def test_indifferent_differences_do_not_stall() -> None:
     """Objectives and rows of few distinct numbers have ties everywhere."""
     rng = np.random.default_rng(0)

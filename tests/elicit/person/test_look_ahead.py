@@ -90,7 +90,7 @@ def answered(make: Any, rate: float, back: bool, ahead: int) -> tuple[list[Any],
     """
     says, log = tutor(rate), AnswerLog()
     with Session(make, log) as session:
-        for number in range(40):
+        for number in range(scaled(14, 40)):
             query = session.question()
             if query is None:
                 break

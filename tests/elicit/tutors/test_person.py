@@ -11,6 +11,7 @@ import elicit
 from elicit import PersonTutor, Query, Verdict
 from elicit.testing import check_tutor
 from elicit.tutors.person import DRAWN_FROM
+from tests.thoroughness import quick_first
 
 VALUES = [0, 1, 3, 10]
 SHARES = st.lists(st.integers(0, 9), min_size=4, max_size=4).filter(any)
@@ -64,7 +65,7 @@ def test_the_same_pair_in_other_units_is_answered_alike(left, right, seed):
         assert tutor.probabilities(bare) == pytest.approx(tutor.probabilities(query), abs=1e-6)
 
 
-@pytest.mark.parametrize("seed", [1, 4, 9])
+@pytest.mark.parametrize("seed", quick_first([1, 4, 9], 1))
 def test_answers_come_as_often_as_their_probabilities_say(seed):
     tutor = PersonTutor(VALUES, seed)
     query = Query("q", [0, 1, 0, 0], [0.92, 0, 0, 0.08])

@@ -37,7 +37,7 @@ from qlearn import (
 )
 from tests.mdp_cases import messy_mdp
 from tests.scale_arithmetic import Floats
-from tests.thoroughness import quick_first
+from tests.thoroughness import on_any_processor, quick_first
 
 Make = Callable[..., Any]
 LEARNERS = (
@@ -170,6 +170,7 @@ def test_small_problems(make: Make) -> None:
     assert policy_loss(mdp, two_levels.policy, values).max() <= 0.1
 
 
+@on_any_processor
 @pytest.mark.parametrize("comparator", [PolytopeComparator, AlwaysAsk, Dominance])
 @pytest.mark.parametrize(
     "settings",

@@ -36,7 +36,7 @@ from qlearn import (
     policy_loss,
     random_mdp,
 )
-from tests.thoroughness import quick_first, scaled
+from tests.thoroughness import on_any_processor, quick_first, scaled
 
 LEARNERS = {
     "policy iteration": InteractivePolicyIteration,
@@ -82,6 +82,7 @@ def test_no_bound_is_broken_in_two_hundred_runs(name, tie, k):
         check_bound(*run(LEARNERS[name], k, tie, 100 + seed))
 
 
+@on_any_processor
 def test_a_tie_of_zero_takes_equal_at_its_word_and_breaks_the_bound():
     """Why the tie is part of what an answer means: the same runs, with a comparator that takes
     "equal" for equal.
@@ -95,6 +96,8 @@ def test_a_tie_of_zero_takes_equal_at_its_word_and_breaks_the_bound():
         except ValueError:  # the answers contradict each other
             continue
         broken += loss > result.loss_bound
+        if broken:
+            break
     assert broken > 0
 
 
@@ -174,6 +177,7 @@ def test_a_bootstrap_promises_nothing_of_what_is_called_equal():
     assert sharp.confidence == 0.95
 
 
+@on_any_processor
 def test_the_posterior_keeps_its_promise_to_a_tutor_who_calls_equal_what_lies_within_the_tie():
     broken = 0
     for seed in range(scaled(10, 30)):

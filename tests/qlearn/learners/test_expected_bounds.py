@@ -7,6 +7,7 @@ import pytest
 
 import elicit
 import qlearn
+from tests.thoroughness import on_any_processor
 
 
 @pytest.fixture(scope="module")
@@ -23,6 +24,7 @@ def ended(mdp: qlearn.OrdinalMDP, values: np.ndarray, questions: int) -> float:
     return learner.result().loss_bound
 
 
+@on_any_processor
 def test_more_questions_prove_more_and_no_session_is_worse_than_none(
     mdp: qlearn.OrdinalMDP,
 ) -> None:
@@ -70,6 +72,7 @@ def test_it_says_what_it_found(mdp: qlearn.OrdinalMDP) -> None:
     )
 
 
+@on_any_processor
 def test_a_tutor_who_may_err_is_simulated_so(mdp: qlearn.OrdinalMDP) -> None:
     known = elicit.PosteriorComparator(mdp.k, seed=0)
     plan = qlearn.expected_bounds(mdp, known, 2, runs=3, seed=0)

@@ -34,7 +34,7 @@ from qlearn import (
     drive,
     random_mdp,
 )
-from tests.thoroughness import quick_first
+from tests.thoroughness import on_any_processor, quick_first
 
 LEARNERS = {
     "policy iteration": InteractivePolicyIteration,
@@ -154,6 +154,7 @@ def test_audits_count_when_a_run_goes_on():
     assert again.asked == 0
 
 
+@on_any_processor
 @pytest.mark.parametrize("batch", quick_first([1, 4], 1))
 @pytest.mark.parametrize("name", quick_first(LEARNERS, 2))
 def test_audits_have_a_limit(name, batch):

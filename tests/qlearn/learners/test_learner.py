@@ -49,7 +49,7 @@ from qlearn import (
 )
 from tests.noisy_cases import COMPARATORS
 from tests.scale_arithmetic import Floats, tail_sums
-from tests.thoroughness import covering
+from tests.thoroughness import covering, on_any_processor, scaled
 
 K = 5
 MDP, VALUES = random_mdp(8, 3, K, discount=0.9, rng=0)
@@ -172,8 +172,10 @@ def test_a_result_can_be_had_at_any_time(make: Make) -> None:
     assert learner.result().status in (Status.DONE, Status.CONVERGED)
 
 
+@on_any_processor
 def test_a_result_does_not_change_later(make: Make) -> None:
-    learner, results, said = make(PolytopeComparator(K)), [], []
+    settings = {"tolerance": 0.1} if make is value_iteration else {}
+    learner, results, said = make(PolytopeComparator(K), **settings), [], []
     while queries := learner.ask():
         said.append(snapshot(learner.result()))
         results.append(learner.result())  # whose q is not read before the end
@@ -183,7 +185,8 @@ def test_a_result_does_not_change_later(make: Make) -> None:
     assert said[0][2] is Status.WAITING
     spoiled = learner.result()
     spoiled.policy[:], spoiled.q[:] = 0, 0.0  # nor does the learner, whatever is done to its result
-    assert snapshot(learner.result()) == snapshot(drive(make(PolytopeComparator(K)), truth))
+    again = drive(make(PolytopeComparator(K), **settings), truth)
+    assert snapshot(learner.result()) == snapshot(again)
 
 
 @pytest.mark.parametrize(
@@ -193,7 +196,7 @@ def test_a_result_does_not_change_later(make: Make) -> None:
 )
 def test_no_pair_is_asked_twice(make: Make, comparator: Comparator) -> None:
     settings = (
-        {"learning_rate": 1.0} if make is q_learning else {"max_sweeps": 15}
+        {"learning_rate": 1.0, "steps": 200} if make is q_learning else {"max_sweeps": 15}
     )  # rate 1: vectors come back
     learner = make(comparator, **settings)
     tutor = FlippingTutor(VALUES, 0.1, seed=0)
@@ -222,6 +225,7 @@ def test_who_cannot_tell_keeps_the_incumbent(make: Make, comparator: Comparator)
     assert result.policy.tolist() == indifferent.result().policy.tolist()
 
 
+@on_any_processor
 @pytest.mark.parametrize("budget", [0, 1, 3])
 @pytest.mark.parametrize("batch", [1, 5])
 def test_beyond_the_budget_the_best_guess_decides(make: Make, budget: int, batch: int) -> None:
@@ -299,7 +303,7 @@ def test_a_run_can_be_replayed_from_its_log(
     def run(tutor: Tutor, log: AnswerLog | None = None) -> Result:
         learner = make(
             COMPARATORS[comparator](K),
-            **{"max_sweeps": 12} if make is value_iteration else {},
+            **{"max_sweeps": 12} if make is value_iteration else {"steps": 200},
             **settings,
         )
         return drive(learner, tutor, log=log, on_conflict="drop")
@@ -314,7 +318,9 @@ def test_a_run_can_be_replayed_from_its_log(
 @pytest.mark.parametrize("comparator", LEARNING)
 def test_a_run_may_be_cut_anywhere_and_resumed(make: Make, comparator: str) -> None:
     """Rebuilt from the log before every answer, the learner ends where an undisturbed one does."""
-    settings: dict[str, Any] = {"steps": 150} if make is q_learning else {"max_sweeps": 4}
+    settings: dict[str, Any] = (
+        {"steps": scaled(100, 150)} if make is q_learning else {"max_sweeps": scaled(2, 4)}
+    )
     settings["audit"] = 0.1
 
     def fresh() -> Any:
@@ -419,12 +425,14 @@ class Wrapping:
         return getattr(self.inner, name)
 
 
+@on_any_processor
 def test_a_tutor_with_its_own_way_to_answer_is_called_by_those_who_always_ask(make: Make) -> None:
-    contrary = drive(make(AlwaysAsk(K), **exact(make)), Contrary(VALUES))
-    by_hand = drive(make(AlwaysAsk(K), **exact(make)), lambda query: Contrary(VALUES)(query))
+    settings = exact(make) or {"steps": 100}
+    contrary = drive(make(AlwaysAsk(K), **settings), Contrary(VALUES))
+    by_hand = drive(make(AlwaysAsk(K), **settings), lambda query: Contrary(VALUES)(query))
     assert contrary.q.tobytes() == by_hand.q.tobytes()
     wrapping = Wrapping()
-    result = drive(make(AlwaysAsk(K), **exact(make)), wrapping)
+    result = drive(make(AlwaysAsk(K), **settings), wrapping)
     assert wrapping.asked == result.asked > 0
 
 
@@ -542,6 +550,7 @@ def test_an_answer_to_what_was_not_asked_is_not_logged() -> None:
     assert len(log) == 0
 
 
+@on_any_processor
 def test_the_oracle_is_only_counted(make: Make) -> None:
     log = AnswerLog()
     learner = make(AlwaysAsk(K), max_queries=3)  # no budget either

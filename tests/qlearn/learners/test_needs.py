@@ -15,6 +15,7 @@ from elicit.model.comparator_parts import OPTIONAL_PARTS
 from elicit.model.needs import needs_of
 from qlearn.learners.query_strategies import STRATEGIES, Candidates
 from tests.own_cases import Exact
+from tests.thoroughness import on_any_processor
 
 K = 4
 MDP, VALUES = qlearn.random_mdp(8, 3, K, discount=0.8, seed=3)
@@ -61,6 +62,7 @@ LEARNERS: dict[str, Any] = {
 }
 
 
+@on_any_processor
 @pytest.mark.parametrize("inner", [PolytopeComparator(K), PosteriorComparator(K, seed=0)])
 @pytest.mark.parametrize("name", LEARNERS)
 def test_a_learner_takes_no_part_that_it_does_not_declare(name: str, inner: Any) -> None:

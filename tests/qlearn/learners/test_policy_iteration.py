@@ -53,7 +53,7 @@ from qlearn.learners.rounds import sampled
 from qlearn.learners.rounds.tuning import TUNING
 from qlearn.mdp.planning import optimal_policy
 from tests.mdp_cases import losses_under, messy_mdp
-from tests.thoroughness import examples, quick_first, scaled
+from tests.thoroughness import examples, on_any_processor, quick_first, scaled
 
 
 def solve(mdp, comparator, tutor, **settings):
@@ -117,9 +117,10 @@ def test_terminal_states_inadmissible_actions_and_short_discounts(exact):
         )
 
 
+@on_any_processor
 def test_it_asks_a_fraction_of_what_value_iteration_asks():
     asked = np.zeros(2)
-    for seed in range(2):
+    for seed in range(scaled(1, 2)):
         mdp, values = random_mdp(40, 4, 6, rng=seed)
         for i, learner in enumerate((InteractivePolicyIteration, InteractiveValueIteration)):
             asked[i] += drive(
@@ -173,7 +174,7 @@ def test_the_loss_under_each_draw_is_that_of_solving_for_it(exact):
 @both_ways
 def test_the_promise_of_a_posterior_is_kept_under_flips(exact):
     kept, asked = [], []
-    for seed in range(12):
+    for seed in range(scaled(6, 12)):
         mdp, values = random_mdp(30, 3, 4, rng=seed)
         comparator = PosteriorComparator(4, lapse=0.2, particles=200, seed=seed)
         result = solve(
@@ -297,6 +298,7 @@ def test_audits_ask_what_the_finished_policy_rests_on(exact):
         drive(learner, tutor)
 
 
+@on_any_processor
 @pytest.mark.parametrize(
     "make",
     [
@@ -361,7 +363,7 @@ def test_cuts_prove_a_policy_with_fewer_questions(exact, monkeypatch):
     monkeypatch.setattr(sampled, "TUNING", replace(TUNING, sample=100))
     monkeypatch.setattr(advantages_module, "STATES_AT_ONCE", 1000)
     asked, cut = {True: 0, False: 0}, 0
-    for seed in range(4, scaled(6, 14)):
+    for seed in range(4, scaled(5, 14)):
         mdp, values = random_mdp(60, 5, 8, rng=seed)
         for cuts in asked:
             result = solve(
@@ -441,6 +443,7 @@ def test_a_tutor_who_is_unsure_of_a_cut_is_asked_about_actions(says):
     assert not any(others)
 
 
+@on_any_processor
 def test_a_learner_whose_values_are_rough_promises_no_more_than_it_keeps(monkeypatch):
     def roughly(mdp, policy, start, within, **_):
         v = evaluate_policy(mdp, policy)
@@ -449,7 +452,7 @@ def test_a_learner_whose_values_are_rough_promises_no_more_than_it_keeps(monkeyp
         )
 
     monkeypatch.setattr(sampled, "nearly_valued", roughly)
-    for seed in range(4):
+    for seed in range(scaled(2, 4)):
         mdp, values = random_mdp(25, 4, 5, discount=0.8, rng=seed)
         comparator = PolytopeComparator(5)
         result = solve(
@@ -578,11 +581,12 @@ def test_pairs_called_equal_are_not_asked_about_for_ever_on_a_large_model():
     assert learner.result().status is Status.CALLED_EQUAL
 
 
+@on_any_processor
 def test_magnified_differences_are_told_apart_by_a_tutor_who_errs_where_little_is_at_stake():
     asked = {}
     for bags in ("as they are", None):
         counts = []
-        for seed in range(3):
+        for seed in range(scaled(2, 3)):
             mdp, values = random_mdp(20, 3, 4, discount=0.9, seed=seed)
             learner = InteractivePolicyIteration(
                 mdp,
@@ -609,6 +613,7 @@ def wear_and_tear() -> OrdinalMDP:
     return OrdinalMDP.from_dense(transitions, levels, 0.95, ["down", "in repair", "running"])
 
 
+@on_any_processor
 @pytest.mark.parametrize("error", [0.0, 0.1])
 def test_where_pairs_are_few_mixtures_of_levels_are_asked_about_next(error: float) -> None:
     mdp, ended = wear_and_tear(), []

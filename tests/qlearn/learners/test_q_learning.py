@@ -44,7 +44,7 @@ from tests.mdp_cases import messy_mdp
 from tests.noisy_cases import COMPARATORS
 from tests.scalar_q_learning import scalar_q_learning
 from tests.scale_arithmetic import Floats
-from tests.thoroughness import quick_first
+from tests.thoroughness import covering, quick_first, scaled
 
 TUTORS: dict[str, Callable[[Floats], Tutor]] = {
     "truthful": TruthfulTutor,
@@ -123,7 +123,8 @@ def compared_with_the_reference(
 @pytest.mark.parametrize("settings", SETTINGS)
 @pytest.mark.parametrize("tutor", quick_first(["flipping", "truthful"], 1))
 @pytest.mark.parametrize(
-    "comparator", quick_first(["polytope", "always ask", "dominance", "ensemble", "box"], 2)
+    "comparator",
+    quick_first(["polytope", "always ask", "dominance", "ensemble", "box"], 2, older=1),
 )
 def test_agrees_with_the_reference_to_the_last_bit(
     comparator: str, tutor: str, settings: str
@@ -133,15 +134,22 @@ def test_agrees_with_the_reference_to_the_last_bit(
         (random_mdp(8, 3, 5, rng=0), messy_mdp(1), messy_mdp(2, k=2, discount=0.0))
     ):
         result = compared_with_the_reference(
-            mdp, values, comparator, tutor, rng=seed, **SETTINGS[settings]
+            mdp,
+            values,
+            comparator,
+            tutor,
+            rng=seed,
+            steps=scaled(200, 400),
+            **SETTINGS[settings],
         )
         repeated += result.decided["known"]
     if comparator == "dominance" and settings == "zero start, rate 1":
         assert repeated > 0  # else this says nothing about pairs met again
 
 
-@pytest.mark.parametrize("seed", [10, 22, 34])
-@pytest.mark.parametrize("comparator", ["polytope", "ensemble"])
+@pytest.mark.parametrize(
+    ("comparator", "seed"), covering(["polytope", "ensemble"], [10, 22, 34], together=1)
+)
 def test_judging_ahead_does_not_outlive_the_incumbent(comparator: str, seed: int) -> None:
     # with many actions dominance may change the best one between two comparisons that were judged
     # together
@@ -151,7 +159,7 @@ def test_judging_ahead_does_not_outlive_the_incumbent(comparator: str, seed: int
     )
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", quick_first(range(4), 2))
 def test_always_asking_the_truth_is_scalar_q_learning(seed: int) -> None:
     for mdp, values in (random_mdp(15, 4, 6, rng=seed), messy_mdp(seed, n=15, k=5)):
         watched: list[int] = []
@@ -206,7 +214,7 @@ def test_runs_that_share_a_seed_meet_the_same_transitions() -> None:
     mdp, values = random_mdp(6, 3, 5, rng=2)
     traces = [
         trace(learner_of(mdp, COMPARATORS[name](5), rng=9), tutor(values), 300)
-        for name in ("polytope", "ensemble", "always ask")
+        for name in scaled(("polytope", "always ask"), ("polytope", "ensemble", "always ask"))
         for tutor in TUTORS.values()
     ]
     for first in traces:
@@ -223,7 +231,7 @@ def test_exploration_does_not_depend_on_the_comparator() -> None:
         trace(
             learner_of(mdp, make(5), epsilon=1.0, max_queries=budget, rng=9),
             TruthfulTutor(values),
-            300,
+            scaled(120, 300),
         )
         for make in COMPARATORS.values()
         for budget in (None, 0)  # with none, guesses decide
@@ -272,9 +280,15 @@ def test_episodes_restart_from_the_initial_distribution() -> None:
     assert learner.state.visits.sum() == learner.state.visits[3].sum() == 50
 
 
-@pytest.mark.parametrize("name", ["box", "ensemble", "posterior"])
-@pytest.mark.parametrize("erring", ["flipping", "eq. (6)", "calls near pairs equal"])
-@pytest.mark.parametrize("settings", [{}, {"max_queries": 15}, {"indifference": 0.02}], ids=str)
+@pytest.mark.parametrize(
+    ("name", "erring", "settings"),
+    covering(
+        ["box", "ensemble", "posterior"],
+        ["flipping", "eq. (6)", "calls near pairs equal"],
+        [{}, {"max_queries": 15}, {"indifference": 0.02}],
+    ),
+    ids=str,
+)
 def test_a_loop_that_asks_by_itself_comes_to_the_same_as_ask_and_tell(
     name: str, erring: str, settings: dict[str, Any]
 ) -> None:
@@ -480,9 +494,10 @@ def wide_margin(k: int) -> PolytopeComparator:
     return PolytopeComparator(k, margin=0.98 / (k - 1))
 
 
-@pytest.mark.parametrize("tie", [0.0, 0.003])
-@pytest.mark.parametrize("audit", [0.0, 0.3])
-@pytest.mark.parametrize("make", [PolytopeComparator, wide_margin])
+@pytest.mark.parametrize(
+    ("make", "audit", "tie"),
+    covering([wide_margin, PolytopeComparator], [0.3, 0.0], [0.0, 0.003]),
+)
 def test_answers_taken_at_once_are_as_good_as_asked_and_told(
     make: Callable[[int], Comparator], audit: float, tie: float
 ) -> None:

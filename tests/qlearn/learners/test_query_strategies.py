@@ -35,6 +35,7 @@ from qlearn import (
     strategies,
 )
 from qlearn.learners.query_strategies import Candidates, simple_pair
+from tests.thoroughness import on_any_processor, quick_first, scaled
 
 ALL = (
     strategies.first_come,
@@ -123,7 +124,7 @@ def test_the_strategy_of_the_documentation_is_one():
     assert drive(learner, TruthfulTutor(values)).status is Status.CONVERGED
 
 
-@pytest.mark.parametrize("strategy", ALL)
+@pytest.mark.parametrize("strategy", quick_first(ALL, len(ALL), older=3))
 def test_every_strategy_reaches_the_same_promise(strategy):
     mdp, values = random_mdp(20, 3, 5, rng=2)
     for learner in (
@@ -217,9 +218,10 @@ def late_and_usual(mdp, values, seed, particles, **settings):
     return [drive(learner, tutor) for learner in learners]
 
 
+@on_any_processor
 def test_q_learning_that_asks_late_asks_few_and_loses_no_more():
     few, many, lost = 0, 0, []
-    for seed in range(4):
+    for seed in range(scaled(2, 4)):
         mdp, values = random_mdp(30, 3, 5, discount=0.9, rng=seed)
         late, usual = late_and_usual(mdp, values, seed, 150, steps=20_000, epsilon=1.0)
         few, many = few + late.asked, many + usual.asked
@@ -319,6 +321,7 @@ def test_late_answers_of_q_learning_settle_their_own_pair_alone():
     assert learner.result().status is Status.DONE
 
 
+@on_any_processor
 @pytest.mark.parametrize(
     "learner",
     [
@@ -333,7 +336,8 @@ def test_a_strategy_goes_by_its_name(learner):
     for name in ("first_come", "max_regret"):
         by_name, itself = (
             drive(
-                learner(mdp, PolytopeComparator(8), strategy=strategy), TruthfulTutor(values)
+                learner(mdp, PolytopeComparator(8), strategy=strategy, max_queries=8),
+                TruthfulTutor(values),
             ).answers.ids
             for strategy in (name, getattr(strategies, name))
         )

@@ -11,7 +11,7 @@ import pytest
 
 import qlearn
 from elicit import PolytopeComparator, TruthfulTutor
-from tests.thoroughness import quick_first
+from tests.thoroughness import on_any_processor, quick_first
 
 Make = Callable[..., Any]
 MDP, VALUES = qlearn.random_mdp(8, 3, 4, discount=0.9, seed=0)
@@ -46,7 +46,7 @@ def test_problems() -> None:
             call()
 
 
-@pytest.mark.parametrize("make", LEARNERS)
+@pytest.mark.parametrize("make", quick_first(LEARNERS, len(LEARNERS), older=2))
 def test_learners(make: Make) -> None:
     (first, audits), (second, same) = q_of(make, seed=5), q_of(make, rng=5)
     assert np.array_equal(first, second)
@@ -55,6 +55,7 @@ def test_learners(make: Make) -> None:
         make(MDP, PolytopeComparator(4), seed=5, rng=5)
 
 
+@on_any_processor
 @pytest.mark.parametrize("make", quick_first(LEARNERS, 2))
 def test_a_learner_without_a_seed_can_be_had_again(make: Make) -> None:
     learner, other = (make(MDP, PolytopeComparator(4), audit=0.3, seed=None) for _ in range(2))

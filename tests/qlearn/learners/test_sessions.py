@@ -25,6 +25,7 @@ from qlearn import (
     policy_loss,
     random_mdp,
 )
+from tests.thoroughness import on_any_processor
 
 ROOT = Path(__file__).parents[3]
 K = 8
@@ -107,6 +108,7 @@ def test_undo_withdraw_and_another_comparator(name: str, tmp_path: Path) -> None
         assert policy_loss(MDP, result.policy, VALUES).max() <= 0.05
 
 
+@on_any_processor
 @pytest.mark.skipif(
     not hasattr(os, "fork"), reason="forks, so that each try need not import everything"
 )

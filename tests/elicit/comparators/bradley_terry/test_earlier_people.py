@@ -23,8 +23,9 @@ from elicit.comparators.bradley_terry.earlier_people import (
 from elicit.comparators.bradley_terry.first_particles import LAPSE, PRECISION
 from elicit.testing import check_comparator, sample_differences
 from tests.noisy_cases import pairs
-from tests.thoroughness import scaled
+from tests.thoroughness import on_any_processor, scaled
 
+ALIKE = scaled(7, 12)
 TWO_KINDS = EarlierPeople(
     6,
     300,
@@ -52,8 +53,8 @@ def alike(people: int, n: int = 40, seed: int = 0, k: int = 5) -> list[Answers]:
 
 @pytest.fixture(scope="module")
 def like() -> EarlierPeople:
-    """Return the prior learned from twelve people who are alike."""
-    found = PosteriorComparator(5, like=alike(12)).like
+    """Return the prior learned from twelve people who are alike, or from fewer."""
+    found = PosteriorComparator(5, like=alike(ALIKE)).like
     assert found is not None
     return found
 
@@ -149,20 +150,22 @@ def test_how_far_people_differ_is_told_from_how_little_is_known_of_each(spread: 
     assert kind.log_precision_sd == pytest.approx(spread, abs=0.25)
 
 
+@on_any_processor
 def test_people_alike_are_learned_and_their_next_is_known_sooner(like: EarlierPeople) -> None:
-    assert (like.people, like.answers) == (12, 480)
+    assert (like.people, like.answers) == (ALIKE, 40 * ALIKE)
     assert sum(kind.share for kind in like.kinds) == pytest.approx(1, abs=1e-3)
     fresh = pairs(np.random.default_rng(1), 5, 200)
     decided, logs = np.zeros((2, 2))
-    for seed in range(5):
+    seeds = scaled(3, 5)
+    for seed in range(seeds):
         rng = np.random.default_rng([seed, 99])
         gaps = rng.dirichlet([30.0, 1.5, 1.5, 1.5])
         told, more = (answered(rng, n, gaps, 40.0, 0.05) for n in (8, 200))
         for i, prior in enumerate((None, like)):
             known = PosteriorComparator(5, like=prior).update(told)
-            decided[i] += (known.compare(fresh) != 2).mean() / 5
+            decided[i] += (known.compare(fresh) != 2).mean() / seeds
             chance = known.answer_probability(more.d)
-            logs[i] += np.log(np.where(more.y == 1, chance, 1 - chance)).mean() / 5
+            logs[i] += np.log(np.where(more.y == 1, chance, 1 - chance)).mean() / seeds
     assert decided[1] > decided[0] + 0.1
     assert logs[1] > logs[0] + 0.02
 
@@ -182,6 +185,7 @@ def test_a_person_like_nobody_before_is_learned_all_the_same(like: EarlierPeople
     assert wrong < 0.05 * decided
 
 
+@on_any_processor
 def test_it_is_one_comparator_like_any_other() -> None:
     logs = alike(3, n=20)
     first, again = (PosteriorComparator(5, like=logs, particles=200) for _ in range(2))
@@ -207,7 +211,7 @@ def test_what_is_learned_depends_neither_on_order_nor_names_nor_seed() -> None:
     renamed = dict(zip("cab", logs, strict=True))
     turned = dict(reversed(by_name.items()))
     first = PosteriorComparator(5, like=by_name, particles=100)
-    for like in (turned, renamed, logs, logs[::-1]):
+    for like in scaled((turned, renamed, logs), (turned, renamed, logs, logs[::-1]), (renamed,)):
         assert PosteriorComparator(5, like=like, particles=100).like == first.like
     other = PosteriorComparator(5, like=by_name, particles=100, seed=1)
     assert other.like == first.like
@@ -225,6 +229,7 @@ def test_several_fits_are_averaged() -> None:
     assert [kind[1:] for kind in found.kinds] == [TWO_KINDS.kinds[i][1:] for i in (0, 1, 0)]
 
 
+@on_any_processor
 def test_of_several_deals_of_people_into_kinds_the_likeliest_fit_is_taken(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -23,7 +23,7 @@ from elicit.comparators.bradley_terry import (
 from elicit.comparators.bradley_terry.first_particles import PRECISION
 from tests.noisy_cases import widths_of
 from tests.scale_arithmetic import Floats, tail_sums
-from tests.thoroughness import scaled
+from tests.thoroughness import on_any_processor, scaled
 
 TIE = 0.05
 FOUR = np.array([0.0, 0.3, 0.7, 1.0])
@@ -122,6 +122,7 @@ def plain_metropolis(
     }
 
 
+@on_any_processor
 @pytest.mark.parametrize("ties", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_the_posterior_is_that_of_a_plain_sampler(ties: bool) -> None:
     people = {
@@ -163,6 +164,7 @@ def test_a_rater_at_random_hardly_moves_the_scale() -> None:
     assert apart < 0.2 * pooled
 
 
+@on_any_processor
 def test_says_who_is_reliable() -> None:
     people = {"ann": (60.0, 0.0, 0.0), "ben": (30.0, 0.1, 0.0), "chen": (0.0, 1.0, 0.0)}
     answers = told(90, people, np.array([0, 0.3, 0.6, 1]), seed=2)
@@ -192,6 +194,7 @@ def test_says_who_is_reliable() -> None:
         known.answer_probability(d, who="eve")
 
 
+@on_any_processor
 def test_intervals_hold_the_truth_about_as_often_as_they_say() -> None:
     held, n = 0, scaled(5, 40)
     for seed in range(n):
@@ -249,7 +252,9 @@ def test_is_the_same_one_by_one_and_after_a_retraction(ties: float) -> None:
 def test_what_is_given_is_that_of_every_rater(settings: dict[str, Any]) -> None:
     people = {"ann": (30.0, 0.1, 0.05), "ben": (30.0, 0.1, 0.0)}
     answers = told(40, people, np.array([0, 0.2, 0.6, 1]), seed=1)
-    known = PosteriorComparator(4, seed=5, raters=True, **settings).update(answers)
+    known = PosteriorComparator(
+        4, seed=5, raters=True, particles=scaled(200, 500), **settings
+    ).update(answers)
     for one in known.reliability().values():
         if "precision" in settings:
             assert one.precision == pytest.approx(30.0)

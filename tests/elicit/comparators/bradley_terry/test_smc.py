@@ -24,7 +24,7 @@ from elicit.comparators.bradley_terry.first_particles import LAPSE
 from tests.interpreter import report_of
 from tests.noisy_cases import MEAN, SD, Floats, Rng, log_gaps, log_terms, prior_of, widths_of
 from tests.scale_arithmetic import tail_sums
-from tests.thoroughness import examples, scaled
+from tests.thoroughness import examples, on_any_processor, scaled
 
 
 def prior_draws(
@@ -164,6 +164,7 @@ def test_the_likelihood_is_the_formula_and_gives_up_only_below_the_least(
         )
 
 
+@on_any_processor
 @pytest.mark.parametrize("k", [2, 3, 5, 10, 20])
 @pytest.mark.parametrize("shape", [(0.1, 2.0), (1.0, 1.0), (0.5, 0.6)])
 def test_the_prior_is_the_stated_one(k: int, shape: tuple[float, float]) -> None:
@@ -394,6 +395,7 @@ def test_moves_reach_the_prior_from_elsewhere() -> None:
     assert_same_law(moved(start, nothing, untied, prior, 250, 5), prior_draws(rng, 3, 20_000))
 
 
+@on_any_processor
 @pytest.mark.parametrize(
     ("lapse", "tie", "last"),
     [
@@ -530,6 +532,7 @@ def report() -> list[str]:
     return lines
 
 
+@on_any_processor
 def test_compiled_and_plain_code_agree_to_the_last_bit_and_warn_of_nothing() -> None:
     ours = report()
     assert len("".join(ours)) > 5000

@@ -152,7 +152,7 @@ def test_a_lie_at_any_position_violates_no_bound(wrong: int) -> None:
     mdp, values = random_mdp(15, 3, 4, seed=5)
     truth = TruthfulTutor(values)
     lies = 0
-    for at in range(scaled(6, 12)):
+    for at in range(scaled(4, 12)):
         given = 0
 
         def tutor(query: Query, at: int = at) -> Answer:

@@ -53,7 +53,7 @@ def ends(comparator, d, solver):
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("seed", quick_first(range(25), 5))
+@pytest.mark.parametrize("seed", quick_first(range(25), 5, older=1))
 def test_the_optima_are_the_bounds(seed, solver):
     k, margin, prior, answers, ask = drawn(seed)
     comparator = PolytopeComparator(k, margin, prior).update(answers)
@@ -63,7 +63,7 @@ def test_the_optima_are_the_bounds(seed, solver):
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("seed", quick_first(range(15), 4))
+@pytest.mark.parametrize("seed", quick_first(range(15), 4, older=1))
 def test_so_they_are_where_answers_may_be_violated(seed, solver):
     k, margin, prior, answers, ask = drawn(seed, wrong=0.3)
     comparator = RelaxedPolytopeComparator(k, 0.01 * (1 + seed % 3), margin, prior).update(answers)

@@ -17,7 +17,7 @@ from elicit import Answer, Answers, InconsistentAnswers, OpenOrderComparator, Ve
 from elicit.person.findings import scale_rows
 from elicit.testing import check_comparator
 from qlearn.mdp.planning import optimal_policy
-from tests.thoroughness import examples, scaled
+from tests.thoroughness import covering, examples, scaled
 
 MARGIN = 1e-6
 
@@ -184,8 +184,9 @@ def lost(mdp: qlearn.OrdinalMDP, policy: Any, values: Any) -> float:
     return float((gap @ values).max())
 
 
-@pytest.mark.parametrize("unordered", [(0, 1), (1, 2), (3, 4)])
-@pytest.mark.parametrize("swap", [False, True])
+@pytest.mark.parametrize(
+    ("unordered", "swap"), covering([(0, 1), (1, 2), (3, 4)], [True, False], together=1)
+)
 def test_policy_iteration_proves_a_policy_for_a_tutor_of_either_order(
     unordered: tuple[int, int], swap: bool
 ) -> None:

@@ -21,7 +21,7 @@ from elicit.lp.region import TIE_BAND, answer_rows
 from elicit.testing import check_comparator
 from tests.lp_cases import Case, cases, dot, exact, from_tails, region_of, shares, tails
 from tests.scale_arithmetic import tail_sums
-from tests.thoroughness import scaled
+from tests.thoroughness import on_any_processor, scaled
 
 Floats = np.ndarray[Any, Any]
 BETTER, WORSE, EQUAL, UNKNOWN = Verdict.BETTER, Verdict.WORSE, Verdict.EQUAL, Verdict.UNKNOWN
@@ -123,7 +123,7 @@ def check_against(
 def test_verdicts_and_bounds_are_those_of_the_linear_programs(part: int) -> None:
     seen: Counter[int] = Counter()
     inconsistent = 0
-    n_cases = scaled(28, 56)
+    n_cases = scaled(16, 56)
     for seed in range(n_cases * part, n_cases * (part + 1)):
         rng = np.random.default_rng(seed)
         k, n, slack = (
@@ -141,8 +141,8 @@ def test_verdicts_and_bounds_are_those_of_the_linear_programs(part: int) -> None
         inconsistent += comparator.violation > 0
         ask = np.concatenate([shares(rng, k, 3), told.d[:1]])
         seen += check_against(Fit(k, margin, None, told), comparator, ask, 1.0)
-    assert inconsistent >= scaled(25, 50)
-    assert min(seen[v] for v in (-1, 1, 2)) > scaled(12, 25)
+    assert inconsistent >= scaled(14, 50)
+    assert min(seen[v] for v in (-1, 1, 2)) > scaled(7, 25)
 
 
 def flipped(case: Case, seed: int) -> Answers:
@@ -416,6 +416,7 @@ def test_bounds_for_all_rows_at_once_state_a_confidence_only_while_the_answers_a
     assert (scores <= high[:, None] + 1e-7).all()
 
 
+@on_any_processor
 @pytest.mark.parametrize(("k", "slack"), [(2, 0.0), (3, 0.1), (5, 0.0), (5, 0.02)])
 def test_it_keeps_the_contract_where_answers_contradict_each_other(k: int, slack: float) -> None:
     c = RelaxedPolytopeComparator(k, slack, margin=0.01, tie=0.0).update(
@@ -511,6 +512,7 @@ def test_errors() -> None:
         inconsistent.update(Answers([[0, 1e300, 1e-300]], [1]))
 
 
+@on_any_processor
 def test_slack_brings_the_truth_back() -> None:
     """One wrong answer among 60: with no slack the truth is never plausible, and every 20th verdict
     wrong.

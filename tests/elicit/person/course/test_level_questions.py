@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from elicit import Answer, Answers, PolytopeComparator, PosteriorComparator, Query, Verdict
@@ -14,6 +14,7 @@ from elicit.person.course.level_questions import (
     value_bounds,
 )
 from elicit.person.showing import show
+from tests.thoroughness import examples, quick_first
 
 
 def never(_: Query) -> bool:
@@ -25,7 +26,7 @@ def about(query: Query) -> int:
     return int(np.flatnonzero(query.left)[0])
 
 
-@settings(max_examples=40, deadline=None)
+@examples(100)
 @given(seed=st.integers(0, 10_000), k=st.integers(3, 7), neighbours=st.booleans())
 def test_either_answer_is_possible_and_the_question_is_shown_as_it_is(
     seed: int, k: int, neighbours: bool
@@ -108,7 +109,7 @@ def test_the_order_check_has_the_better_level_on_its_left(level: int) -> None:
     assert show(query).exact
 
 
-@pytest.mark.parametrize("k", [3, 4, 6])
+@pytest.mark.parametrize("k", quick_first([3, 4, 6], 2))
 def test_the_number_of_questions_left_is_foreseen(k: int) -> None:
     """The range holds from every point of a session of a truthful person."""
     chance, held, points = np.random.default_rng(k), 0, 0

@@ -594,7 +594,12 @@ def test_the_welcome_says_if_nothing_can_be_foreseen(windows: Windows) -> None:
 
 
 @pytest.mark.parametrize(
-    "size", [WIDE, {"width": 900, "height": 760}, NARROW], ids=["wide", "mid", "narrow"]
+    "size",
+    [
+        pytest.param(WIDE, id="wide", marks=pytest.mark.slow),
+        pytest.param({"width": 900, "height": 760}, id="mid"),
+        pytest.param(NARROW, id="narrow"),
+    ],
 )
 def test_start_stays_where_it_is_when_forecasts_come_or_go(
     windows: Windows, size: dict[str, int]
