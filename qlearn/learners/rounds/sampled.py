@@ -16,10 +16,11 @@ from qlearn.certificates.advantages import Advantages, advantages_over
 from qlearn.certificates.box_bounds import bounds_of_many
 from qlearn.certificates.drawn_losses import most_of
 from qlearn.certificates.loss_bound import Guarantee, collected, drawn_set, draws_of, guarantee
+from qlearn.certificates.screening import screened
 from qlearn.learners.rounds.tuning import TUNING
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import rewarded
-from qlearn.mdp.warm_planning import Seen, nearly_optimal, nearly_valued
+from qlearn.mdp.warm_planning import LARGE, Seen, nearly_optimal, nearly_valued
 
 
 class SampledRounds:
@@ -43,6 +44,7 @@ class SampledRounds:
         self._seen = Seen()
         self._pool: Advantages | None = None
         self._all: Advantages | None = None
+        self.left_out = 0  # alternatives that ``everything`` leaves out, shown to be worse
 
     def round(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
         """Solve approximately, and return the advantages of some states and the loss bound.
@@ -74,13 +76,15 @@ class SampledRounds:
         if self._all is None or drawn_set(comparator) is not None:
             return False  # a sample, or drawn scales, cannot show more
         high, _ = bounds_of_many(comparator, pool.d)
+        if high.max(initial=0.0) > self._enough:
+            return True  # what one action gains, a policy can collect
         total = collected(self._mdp, pool, high, self._total, self._error)
         return bool(total.max(initial=0.0) > self._enough)
 
     def everything(self) -> Advantages:
-        """Return all advantages over the current policy."""
+        """Return all advantages over the current policy, but those that were screened out."""
         if self._all is None:
-            self._all = advantages_over(self._mdp, self._kept(), self._v)
+            self._all, self.left_out = advantages_over(self._mdp, self._kept(), self._v), 0
         return self._all
 
     def some_of(self, advantages: Advantages) -> Advantages:
@@ -111,7 +115,8 @@ class SampledRounds:
         if changed or (self._is_rough and sample is None):
             within = little * (1 - mdp.discount)
             self._all = None  # a third of the memory that a new V takes
-            self._v = nearly_valued(mdp, policy, self._v, within, states=sample)
+            before = None if sample is None else last
+            self._v = nearly_valued(mdp, policy, self._v, within, sample, before)
             self._policy, self._is_rough = policy, sample is not None
 
     def _sample(self) -> NDArray[np.int64]:
@@ -144,16 +149,31 @@ class SampledRounds:
         if self._asked:
             self.rounds, self._asked = self.rounds + 1, 0
         self._solve(best_guess(comparator))
+        rest = self._screen(comparator) if trusted is None else None
         advantages = self.everything()
         if trusted is None:
             high, confidence = bounds_of_many(comparator, advantages.d)
-            self._total = collected(mdp, advantages, high, self._total, self._error)
+            self._total = collected(mdp, advantages, high, self._total, self._error, rest)
             found = Guarantee(float(self._total.max(initial=0.0)), confidence)
         else:
             found = guarantee(mdp, advantages, comparator, self._enough)
             high = most_of(advantages.d, trusted[0].gaps, axis=1)
         self._pool = advantages.only(_greatest(high, TUNING.pool))
         return self._pool, found
+
+    def _screen(self, comparator: Comparator) -> NDArray[np.float32] | None:
+        """Leave out of ``everything`` what is worse under all plausible scales, in a large model.
+
+        Return upper bounds (S, A) on the advantages left out, or None.
+        """
+        if self._mdp.transitions.nnz < LARGE:
+            return None
+        self._all = None  # what was left out before may have been so under other scales
+        found = screened(self._mdp, self._kept(), self._v, comparator, self._enough)
+        if found is None:
+            return None
+        self._all, self.left_out = found.advantages, found.left_out
+        return found.rest
 
 
 def _greatest(x: Floats, most: int) -> NDArray[np.int64]:
