@@ -25,6 +25,7 @@ _AHEAD = 64
 # apart in memory, where a processor does not foresee them. With 4 or 16 in place of 8, a sweep of
 # single values takes as long; without fetching, 1.8 times as long (300,000 states).
 _ROWS_AHEAD = 8
+_RING = 2 * _ROWS_AHEAD  # states whose needed actions are known at the same time
 _A_LINE = np.uint64(8)  # probabilities in a cache line
 
 
@@ -310,36 +311,54 @@ def improve(
     n, m = len(best), gain.shape[1]
     ahead = np.uint64(min(_AHEAD, len(successors)))
     end = np.uint64(len(successors)) - ahead
-    q = np.empty(m)
-    for i in range(n):
-        s = first + i
-        least = -np.inf
-        if not (remember or terminal[s]):
+    q, needed = np.empty(m), np.ones((_RING, m), dtype=np.bool_)
+    for i in range(0 if remember else -_ROWS_AHEAD, n):
+        j = i + _ROWS_AHEAD
+        if j < n and not remember:  # look which actions are needed, and fetch their transitions
+            s = first + j
+            least = -np.inf
             for a in range(m):
                 if admissible[s, a]:
                     q[a] = gain[s, a]
                     if len(means) > 0:
-                        q[a] = gain[s, a] + discount * np.float64(means[s, a])
+                        q[a] += discount * np.float64(means[s, a])
                     least = max(least, q[a] - room)
+            for a in range(m):
+                may = terminal[s] or (len(last) > 0 and a == last[s])
+                needed[j % _RING, a] = may or (admissible[s, a] and q[a] >= least)
+                if needed[j % _RING, a]:
+                    row = s * m + a
+                    for at in range(np.uint64(ends[row]), np.uint64(ends[row + 1]), _A_LINE):
+                        prefetch(successors, at)
+                        prefetch(probabilities, at)
+        if i < 0:
+            continue
+        s = first + i
+        if i + 1 < n and not remember:  # fetch the values of the next state's successors
+            for a in range(m):
+                if needed[(i + 1) % _RING, a]:
+                    row = (s + 1) * m + a
+                    for at in range(np.uint64(ends[row]), np.uint64(ends[row + 1])):
+                        prefetch(v, successors[at])
         top, taken = -np.inf, -1
         for a in range(m):
-            stays = len(last) > 0 and a == last[s]
-            may = remember or terminal[s] or stays
-            if not (may or (admissible[s, a] and q[a] >= least)):
-                q[a] = -np.inf
+            q[a] = -np.inf
+            if not needed[i % _RING, a]:
                 continue
             total, row = 0.0, s * m + a
-            for at in range(np.uint64(ends[row]), np.uint64(ends[row + 1])):
-                if at < end:
-                    prefetch(v, successors[at + ahead])
-                total += probabilities[at] * v[successors[at]]
             if remember:
+                for at in range(np.uint64(ends[row]), np.uint64(ends[row + 1])):
+                    if at < end:
+                        prefetch(v, successors[at + ahead])
+                    total += probabilities[at] * v[successors[at]]
                 means[s, a] = total
-            q[a] = final[s] if terminal[s] else gain[s, a] + discount * total
-            if not admissible[s, a]:
-                q[a] = -np.inf
-            elif taken < 0 or q[a] > top:
-                top, taken = q[a], a
+            else:
+                for at in range(np.uint64(ends[row]), np.uint64(ends[row + 1])):
+                    total += probabilities[at] * v[successors[at]]
+            if admissible[s, a]:
+                q[a] = final[s] if terminal[s] else gain[s, a] + discount * total
+                if taken < 0 or q[a] > top:
+                    top, taken = q[a], a
         best[i], greedy[i] = top, taken
         if len(last) > 0 and q[last[s]] >= top - slack:
             greedy[i] = last[s]

@@ -36,8 +36,10 @@ class SampledRounds:
         self._total = np.zeros(
             mdp.n_states
         )  # greatest total that can be collected, by the last bounds
+        self._of_pool: Floats | None = None  # the same for the pool alone
         small = mdp.n_states <= TUNING.slow
         self._most = TUNING.questions_a_solution if small else TUNING.questions_a_slow_solution
+        self._rough = TUNING.rough if small else TUNING.rough_if_slow
         self._error = TUNING.error * enough
         self.rounds = 0  # policies solved for so far
         self._asked = 0  # rounds with the current policy
@@ -58,7 +60,7 @@ class SampledRounds:
             or self._asked >= self._most
             or not self._in_vain(self._pool, comparator)
         ):
-            self.rounds, self._asked = self.rounds + 1, 0
+            self.rounds, self._asked, self._of_pool = self.rounds + 1, 0, None
             sample = self._sample()
             self._solve(best_guess(comparator), sample)
             self._pool = advantages_over(self._mdp, self._kept(), self._v, sample)
@@ -78,7 +80,9 @@ class SampledRounds:
         high, _ = bounds_of_many(comparator, pool.d)
         if high.max(initial=0.0) > self._enough:
             return True  # what one action gains, a policy can collect
-        total = collected(self._mdp, pool, high, self._total, self._error)
+        start = self._total if self._of_pool is None else self._of_pool
+        total = collected(self._mdp, pool, high, start, self._error)
+        self._of_pool = total if self._mdp.transitions.nnz >= LARGE else None
         return bool(total.max(initial=0.0) > self._enough)
 
     def everything(self) -> Advantages:
@@ -106,7 +110,7 @@ class SampledRounds:
         """
         mdp, last, little = self._mdp, self._policy, self._error
         if sample is not None:
-            little *= TUNING.rough
+            little *= self._rough
         gain, ends = rewarded(mdp, values)
         start = np.full(mdp.n_states, 0.5) if self._v is None else product(self._v, values)
         _, policy, _ = nearly_optimal(mdp, gain, ends, start, little, last, sample, self._seen)
