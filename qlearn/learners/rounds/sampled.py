@@ -36,7 +36,7 @@ class SampledRounds:
         self._total = np.zeros(
             mdp.n_states
         )  # greatest total that can be collected, by the last bounds
-        self._of_pool: Floats | None = None  # the same for the pool alone
+        self._of_pool: Floats | None = None  # the same of the pool alone, in a large model
         small = mdp.n_states <= TUNING.slow
         self._most = TUNING.questions_a_solution if small else TUNING.questions_a_slow_solution
         self._rough = TUNING.rough if small else TUNING.rough_if_slow
@@ -55,17 +55,17 @@ class SampledRounds:
         computed.
         """
         self._asked += 1
-        if (
-            self._pool is None
-            or self._asked >= self._most
-            or not self._in_vain(self._pool, comparator)
-        ):
-            self.rounds, self._asked, self._of_pool = self.rounds + 1, 0, None
-            sample = self._sample()
-            self._solve(best_guess(comparator), sample)
-            self._pool = advantages_over(self._mdp, self._kept(), self._v, sample)
-            if not self._too_much(self._pool, comparator):
-                return self.look_further(comparator)
+        if self._pool is not None and self._asked < self._most:
+            if self._in_vain(self._pool, comparator):
+                return self._pool, Guarantee(np.inf, np.nan)
+            if self._of_pool is not None:
+                return self.look_further(comparator)  # a sample would show less
+        self.rounds, self._asked = self.rounds + 1, 0
+        sample = self._sample()
+        self._solve(best_guess(comparator), sample)
+        self._pool, self._of_pool = advantages_over(self._mdp, self._kept(), self._v, sample), None
+        if not self._too_much(self._pool, comparator):
+            return self.look_further(comparator)
         return self._pool, Guarantee(np.inf, np.nan)
 
     def _in_vain(self, pool: Advantages, comparator: Comparator) -> bool:
@@ -162,7 +162,7 @@ class SampledRounds:
         else:
             found = guarantee(mdp, advantages, comparator, self._enough)
             high = most_of(advantages.d, trusted[0].gaps, axis=1)
-        self._pool = advantages.only(_greatest(high, TUNING.pool))
+        self._pool, self._of_pool = advantages.only(_greatest(high, TUNING.pool)), None
         return self._pool, found
 
     def _screen(self, comparator: Comparator) -> NDArray[np.float32] | None:
