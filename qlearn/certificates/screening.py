@@ -8,7 +8,7 @@ those of the levels by no more than the states' values differ.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,7 +146,7 @@ def _shadow(mdp: OrdinalMDP, v: Floats, axes: Floats, reach: Floats, size: float
     )
 
 
-def _earned(mdp: OrdinalMDP, levels: NDArray[np.int32]) -> Floats:
+def _earned(mdp: OrdinalMDP, levels: NDArray[np.integer[Any]]) -> Floats:
     """Return what these levels (n,) earn at once, as shares (n, k)."""
     earned = np.zeros((len(levels), mdp.k))
     earned[np.arange(len(levels)), levels] = 1.0 - mdp.discount

@@ -7,13 +7,15 @@ numbers, because signed ones are checked for being negative.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 
 from elicit._support.jit import compiled_beside
 from elicit._support.prefetch import prefetch
+from elicit.model.scale import Floats
 from qlearn.mdp.backup import model_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
@@ -234,26 +236,43 @@ def take_in(
                 left[j] += change[s, j]
 
 
+class Rewards(NamedTuple):
+    """Rewards of an MDP's actions, and which actions there are."""
+
+    gain: Floats  # (S, A)
+    final: Floats  # (S,) values of the terminal states
+    terminal: NDArray[np.bool_]  # (S,)
+    admissible: NDArray[np.bool_]  # (S, A)
+    discount: float
+
+
+class Rule(NamedTuple):
+    """How ``improve`` chooses an action, and which ones it looks at.
+
+    If ``remember``, all are looked at, and the means of their successors' values are written into
+    ``means``. Otherwise an action is left out if by these means, or by rewards alone if there are
+    none, it is worse than another one by more than ``room``.
+    """
+
+    means: NDArray[np.float32]  # (S, A), or (0, A) if there are none
+    remember: bool
+    room: float
+    last: NDArray[np.int64]  # (S,) actions that stay if they are as good to within slack, or (0,)
+    slack: float
+
+
 def improve_together(
     first: int,
-    ends: Any,
-    successors: Any,
-    probabilities: Any,
+    transitions: Any,
     v: Any,
-    gain: Any,
-    final: Any,
-    terminal: Any,
-    admissible: Any,
-    discount: float,
-    room: float,
-    means: Any,
-    remember: bool,
-    last: Any,
-    slack: float,
+    rewards: Rewards,
+    rule: Rule,
     best: Any,
     greedy: Any,
 ) -> None:
     """Write the result of ``improve``, with a product of sparse matrices."""
+    gain, final, terminal, admissible, discount = rewards
+    means, remember, room, last, slack = rule
     n, m = len(best), gain.shape[1]
     here, at = slice(first, first + n), np.arange(n)
     needed = np.ones((n, m), dtype=np.bool_)
@@ -265,7 +284,7 @@ def improve_together(
         if len(last):
             needed[at, last[here]] = True
     found = np.empty((n, m))
-    products(first, ends, successors, probabilities, v, needed, found)
+    products(first, *transitions, v, needed, found)
     if remember:
         means[here] = found
     q = gain[here] + discount * found
@@ -282,32 +301,21 @@ def improve_together(
 @compiled_beside(improve_together, unlocked=True)
 def improve(
     first: int,
-    ends: Any,
-    successors: Any,
-    probabilities: Any,
+    transitions: Any,
     v: Any,
-    gain: Any,
-    final: Any,
-    terminal: Any,
-    admissible: Any,
-    discount: float,
-    room: float,
-    means: Any,
-    remember: bool,
-    last: Any,
-    slack: float,
+    rewards: Rewards,
+    rule: Rule,
     best: Any,
     greedy: Any,
 ) -> None:
-    """Write the greatest gain (S, A) plus discounted v (S,) of n states, and the action taken.
+    """Write the greatest reward plus discounted v (S,) of n states, and the action that has it.
 
-    The first of the n states is ``first``. ``best`` (n,) are the values, and ``greedy`` (n,) the
-    first of the best actions, but that of ``last`` (S,) if it is as good to within ``slack``. The
-    array ``last`` may be empty. A terminal state has its ``final`` value. If ``remember``, the
-    means of the successors' values are written into ``means`` (S, A). Otherwise an action is left
-    out if by these means, or by gains alone if there are none, it is worse than another one by more
-    than ``room``.
+    The first of the n states is ``first``, and ``transitions`` are ``arrays_of`` the MDP. ``best``
+    (n,) are the values, and ``greedy`` (n,) the first of the best actions that the rule allows.
     """
+    ends, successors, probabilities = transitions
+    gain, final, terminal, admissible, discount = rewards
+    means, remember, room, last, slack = rule
     n, m = len(best), gain.shape[1]
     ahead = np.uint64(min(_AHEAD, len(successors)))
     end = np.uint64(len(successors)) - ahead

@@ -26,7 +26,7 @@ from elicit.model.scale import Floats
 from qlearn.mdp.blocks import in_blocks, some_rows
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import Actions, valued
-from qlearn.mdp.sweep_kernels import arrays_of, improve, pass_on, sweep_rows, take_in
+from qlearn.mdp.sweep_kernels import Rewards, Rule, arrays_of, improve, pass_on, sweep_rows, take_in
 
 _LOOK = 4  # sweeps between two measurements of their pace
 _WORTH = 40  # a linear system takes about as long as this many sweeps
@@ -391,8 +391,10 @@ def _improved(
         some = np.linspace(0, len(v) - 1, _LOOKED_AT).astype(np.int64)
         if seen.may_be_best(mdp, gain, room, some).mean() > _FEW:
             room, means = np.inf, seen.forget(gain.shape)
+    rewards = Rewards(gain, ends, mdp.terminal, mdp.admissible, mdp.discount)
     known = seen.means(m) if means is None else means
     kept = np.empty(0, dtype=np.int64) if last is None else last
+    rule = Rule(known, means is not None, room, kept, slack)
 
     def choose(first: int, end: int) -> None:
         here = slice(first, end)
@@ -409,9 +411,8 @@ def _improved(
             greedy[here][stay] = last[here][stay]
 
     def choose_of_few(first: int, end: int) -> None:
-        values = v, gain, ends, mdp.terminal, mdp.admissible, mdp.discount
-        how = room, known, means is not None, kept, slack
-        improve(first, *arrays_of(mdp), *values, *how, best[first:end], greedy[first:end])
+        at = slice(first, end)
+        improve(first, arrays_of(mdp), v, rewards, rule, best[at], greedy[at])
 
     def sweep(first: int, end: int) -> Floats:
         if large:
@@ -465,10 +466,11 @@ def run_compiled(mdp: OrdinalMDP) -> None:
         each = v.astype(kind)
         _swept(mdp, chain.in_place(), each, each, each)
     _changed(mdp, policy, chain, np.zeros_like(tails), tails, 1e-3, None, None)
-    values = v[:, 0].copy(), np.zeros(mdp.levels.shape), np.zeros(n)
-    known = mdp.terminal, mdp.admissible, mdp.discount
-    how = np.inf, Seen().forget(mdp.levels.shape), True, policy, 0.0
-    improve(0, *arrays_of(mdp), *values, *known, *how, np.empty(n), np.empty(n, dtype=np.int64))
+    gain, final = np.zeros(mdp.levels.shape), np.zeros(n)
+    rewards = Rewards(gain, final, mdp.terminal, mdp.admissible, mdp.discount)
+    rule = Rule(Seen().forget(gain.shape), True, np.inf, policy, 0.0)
+    taken = np.empty(n, dtype=np.int64)
+    improve(0, arrays_of(mdp), final, rewards, rule, np.empty(n), taken)
 
 
 def _to_go(mdp: OrdinalMDP, low: Floats, high: Floats) -> Floats:

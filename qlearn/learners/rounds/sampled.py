@@ -170,7 +170,7 @@ class SampledRounds:
 
         Return upper bounds (S, A) on the advantages left out, or None.
         """
-        if self._mdp.transitions.nnz < LARGE:
+        if self._mdp.transitions.nnz < LARGE or self._v is None:
             return None
         self._all = None  # what was left out before may have been so under other scales
         found = screened(self._mdp, self._kept(), self._v, comparator, self._enough)
