@@ -246,8 +246,8 @@ class Rewards(NamedTuple):
     discount: float
 
 
-class Rule(NamedTuple):
-    """How ``improve`` chooses an action, and which ones it looks at.
+class Choosing(NamedTuple):
+    """The way in which ``improve`` chooses an action, and the ones it looks at.
 
     If ``remember``, all are looked at, and the means of their successors' values are written into
     ``means``. Otherwise an action is left out if by these means, or by rewards alone if there are
@@ -266,13 +266,13 @@ def improve_together(
     transitions: Any,
     v: Any,
     rewards: Rewards,
-    rule: Rule,
+    choosing: Choosing,
     best: Any,
     greedy: Any,
 ) -> None:
     """Write the result of ``improve``, with a product of sparse matrices."""
     gain, final, terminal, admissible, discount = rewards
-    means, remember, room, last, slack = rule
+    means, remember, room, last, slack = choosing
     n, m = len(best), gain.shape[1]
     here, at = slice(first, first + n), np.arange(n)
     needed = np.ones((n, m), dtype=np.bool_)
@@ -284,7 +284,8 @@ def improve_together(
         if len(last):
             needed[at, last[here]] = True
     found = np.empty((n, m))
-    products(first, *transitions, v, needed, found)
+    ends, successors, probabilities = transitions
+    products(first, ends, successors, probabilities, v, needed, found)
     if remember:
         means[here] = found
     q = gain[here] + discount * found
@@ -304,18 +305,19 @@ def improve(
     transitions: Any,
     v: Any,
     rewards: Rewards,
-    rule: Rule,
+    choosing: Choosing,
     best: Any,
     greedy: Any,
 ) -> None:
     """Write the greatest reward plus discounted v (S,) of n states, and the action that has it.
 
     The first of the n states is ``first``, and ``transitions`` are ``arrays_of`` the MDP. ``best``
-    (n,) are the values, and ``greedy`` (n,) the first of the best actions that the rule allows.
+    (n,) are the values, and ``greedy`` (n,) the first of the best actions, unless the action of
+    ``choosing.last`` stays.
     """
     ends, successors, probabilities = transitions
     gain, final, terminal, admissible, discount = rewards
-    means, remember, room, last, slack = rule
+    means, remember, room, last, slack = choosing
     n, m = len(best), gain.shape[1]
     ahead = np.uint64(min(_AHEAD, len(successors)))
     end = np.uint64(len(successors)) - ahead

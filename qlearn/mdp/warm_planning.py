@@ -26,7 +26,15 @@ from elicit.model.scale import Floats
 from qlearn.mdp.blocks import in_blocks, some_rows
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import Actions, valued
-from qlearn.mdp.sweep_kernels import Rewards, Rule, arrays_of, improve, pass_on, sweep_rows, take_in
+from qlearn.mdp.sweep_kernels import (
+    Choosing,
+    Rewards,
+    arrays_of,
+    improve,
+    pass_on,
+    sweep_rows,
+    take_in,
+)
 
 _LOOK = 4  # sweeps between two measurements of their pace
 _WORTH = 40  # a linear system takes about as long as this many sweeps
@@ -394,7 +402,7 @@ def _improved(
     rewards = Rewards(gain, ends, mdp.terminal, mdp.admissible, mdp.discount)
     known = seen.means(m) if means is None else means
     kept = np.empty(0, dtype=np.int64) if last is None else last
-    rule = Rule(known, means is not None, room, kept, slack)
+    choosing = Choosing(known, means is not None, room, kept, slack)
 
     def choose(first: int, end: int) -> None:
         here = slice(first, end)
@@ -412,7 +420,7 @@ def _improved(
 
     def choose_of_few(first: int, end: int) -> None:
         at = slice(first, end)
-        improve(first, arrays_of(mdp), v, rewards, rule, best[at], greedy[at])
+        improve(first, arrays_of(mdp), v, rewards, choosing, best[at], greedy[at])
 
     def sweep(first: int, end: int) -> Floats:
         if large:
@@ -468,9 +476,9 @@ def run_compiled(mdp: OrdinalMDP) -> None:
     _changed(mdp, policy, chain, np.zeros_like(tails), tails, 1e-3, None, None)
     gain, final = np.zeros(mdp.levels.shape), np.zeros(n)
     rewards = Rewards(gain, final, mdp.terminal, mdp.admissible, mdp.discount)
-    rule = Rule(Seen().forget(gain.shape), True, np.inf, policy, 0.0)
+    choosing = Choosing(Seen().forget(gain.shape), True, np.inf, policy, 0.0)
     taken = np.empty(n, dtype=np.int64)
-    improve(0, arrays_of(mdp), final, rewards, rule, np.empty(n), taken)
+    improve(0, arrays_of(mdp), final, rewards, choosing, np.empty(n), taken)
 
 
 def _to_go(mdp: OrdinalMDP, low: Floats, high: Floats) -> Floats:

@@ -120,7 +120,7 @@ class SampledRounds:
             within = little * (1 - mdp.discount)
             self._all = None  # a third of the memory that a new V takes
             before = None if sample is None else last
-            self._v = nearly_valued(mdp, policy, self._v, within, sample, before)
+            self._v = nearly_valued(mdp, policy, self._v, within, states=sample, before=before)
             self._policy, self._is_rough = policy, sample is not None
 
     def _sample(self) -> NDArray[np.int64]:
