@@ -246,7 +246,7 @@ class Rewards(NamedTuple):
     discount: float
 
 
-class Choosing(NamedTuple):
+class GreedyRule(NamedTuple):
     """The way in which ``improve`` chooses an action, and the ones it looks at.
 
     If ``remember``, all are looked at, and the means of their successors' values are written into
@@ -266,7 +266,7 @@ def improve_together(
     transitions: Any,
     v: Any,
     rewards: Rewards,
-    choosing: Choosing,
+    choosing: GreedyRule,
     best: Any,
     greedy: Any,
 ) -> None:
@@ -305,7 +305,7 @@ def improve(
     transitions: Any,
     v: Any,
     rewards: Rewards,
-    choosing: Choosing,
+    choosing: GreedyRule,
     best: Any,
     greedy: Any,
 ) -> None:

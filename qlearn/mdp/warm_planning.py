@@ -27,7 +27,7 @@ from qlearn.mdp.blocks import in_blocks, some_rows
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import Actions, valued
 from qlearn.mdp.sweep_kernels import (
-    Choosing,
+    GreedyRule,
     Rewards,
     arrays_of,
     improve,
@@ -402,7 +402,7 @@ def _improved(
     rewards = Rewards(gain, ends, mdp.terminal, mdp.admissible, mdp.discount)
     known = seen.means(m) if means is None else means
     kept = np.empty(0, dtype=np.int64) if last is None else last
-    choosing = Choosing(known, means is not None, room, kept, slack)
+    choosing = GreedyRule(known, means is not None, room, kept, slack)
 
     def choose(first: int, end: int) -> None:
         here = slice(first, end)
@@ -476,7 +476,7 @@ def run_compiled(mdp: OrdinalMDP) -> None:
     _changed(mdp, policy, chain, np.zeros_like(tails), tails, 1e-3, None, None)
     gain, final = np.zeros(mdp.levels.shape), np.zeros(n)
     rewards = Rewards(gain, final, mdp.terminal, mdp.admissible, mdp.discount)
-    choosing = Choosing(Seen().forget(gain.shape), True, np.inf, policy, 0.0)
+    choosing = GreedyRule(Seen().forget(gain.shape), True, np.inf, policy, 0.0)
     taken = np.empty(n, dtype=np.int64)
     improve(0, arrays_of(mdp), final, rewards, choosing, np.empty(n), taken)
 

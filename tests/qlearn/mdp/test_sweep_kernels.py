@@ -98,7 +98,7 @@ def test_a_sweep_that_improves_is_the_same_compiled_or_not(name, known, kept, re
         best, greedy, seen = np.empty(n - 1), np.empty(n - 1, dtype=np.int64), means.copy()
         rewards = sweep_kernels.Rewards(gain, final, mdp.terminal, mdp.admissible, mdp.discount)
         model = sweep_kernels.arrays_of(mdp), v, rewards
-        choosing = sweep_kernels.Choosing(seen, remember, 0.2, last, 0.01)
+        choosing = sweep_kernels.GreedyRule(seen, remember, 0.2, last, 0.01)
         with jit.compiling():
             improve(1, *model, choosing, best, greedy)
         found.append((best, greedy, seen))
