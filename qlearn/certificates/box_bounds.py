@@ -33,21 +33,38 @@ def bounds_of_many(comparator: Comparator, d: Floats) -> tuple[Floats, float]:
     confidence : float
         The probability that all of them hold; 1 if proven.
     """
-    if (draws := draws_in(comparator)) is not None:
-        gaps, weights = draws[:2]
-        spread = gaps - product(gaps, weights)[:, None]
-        axes = principal_axes(product(spread * weights, spread.T))  # (p, p), orthonormal
-        ways = np.concatenate([axes.T, -axes.T])
-        reach, confidence = simultaneous_bounds(
-            comparator, -np.diff(ways, axis=1, prepend=0.0, append=0.0)
-        )
-        if confidence == 1 and np.isfinite(reach).all():
-            high = _bounds_by_box(axes, reach, d)
-            rows = np.flatnonzero(high > 0)
-            high[rows] = simultaneous_bounds(comparator, d[rows])[0]
-            return high, confidence
+    if (box := box_of(comparator)) is not None:
+        axes, reach, confidence = box
+        high = _bounds_by_box(axes, reach, d)
+        rows = np.flatnonzero(high > 0)
+        high[rows] = simultaneous_bounds(comparator, d[rows])[0]
+        return high, confidence
     high, confidence = simultaneous_bounds(comparator, d)
     return np.minimum(high, order_bounds(tail_sums(d), 0.0)[1]), confidence  # the first may be inf
+
+
+def box_of(comparator: Comparator) -> tuple[Floats, Floats, float] | None:
+    """Return a box that contains all plausible scales, or None if there is no proven one.
+
+    Returns
+    -------
+    axes : (p, p)
+        Orthonormal columns.
+    reach : (2p,)
+        Upper bounds on the gaps along each axis, then along the opposite of each.
+    confidence : float
+        Always 1.
+    """
+    if (draws := draws_in(comparator)) is None:
+        return None
+    gaps, weights = draws[:2]
+    spread = gaps - product(gaps, weights)[:, None]
+    axes = principal_axes(product(spread * weights, spread.T))  # (p, p), orthonormal
+    ways = np.concatenate([axes.T, -axes.T])
+    reach, confidence = simultaneous_bounds(
+        comparator, -np.diff(ways, axis=1, prepend=0.0, append=0.0)
+    )
+    return (axes, reach, confidence) if confidence == 1 and np.isfinite(reach).all() else None
 
 
 def _bounds_by_box(axes: Floats, reach: Floats, d: Floats) -> Floats:

@@ -27,7 +27,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.threads import one_thread
 from elicit.lp.hit_and_run import Draws, draws_within
@@ -178,6 +178,7 @@ def collected(
     high: Floats,
     start: Floats | None = None,
     within: float = 0.0,
+    rest: NDArray[np.float32] | None = None,
 ) -> Floats:
     """Return upper bounds on the discounted total of advantages that a policy can collect.
 
@@ -194,12 +195,14 @@ def collected(
         ``within``, which is faster for large models. Default: solve exactly.
     within : float
         A share of the value range.
+    rest : (S, A), optional
+        Upper bounds on further advantages; -inf where there is none.
 
     Returns
     -------
     (S,) shares of the value range, at most 1
     """
-    gain = np.full(mdp.levels.shape, -np.inf)
+    gain = np.full(mdp.levels.shape, -np.inf) if rest is None else rest.astype(np.float64)
     live = np.flatnonzero(~mdp.terminal)
     gain[live, advantages.policy[live]] = 0.0
     gain[advantages.states, advantages.actions] = high

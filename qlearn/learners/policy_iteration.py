@@ -235,6 +235,7 @@ class InteractivePolicyIteration(Learner):
         in_full = partial(completed, found, self._mdp, advantages, comparator)
         looked_at = advantages if self._end is None else rounds.everything()
         by_tier = np.bincount(self._deciding_tiers(looked_at), minlength=len(Tier))
+        by_tier[Tier.SCREEN] += 0 if self._end is None else rounds.left_out
         shares = partial(q_of, np.arange(self._mdp.n_states), advantages.v, model_of(self._mdp))
         policy = advantages.policy.copy()
         return self._result(

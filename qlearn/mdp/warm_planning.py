@@ -23,21 +23,28 @@ from scipy import sparse
 from elicit._support.threads import one_thread
 from elicit.model.difference import tail_sums
 from elicit.model.scale import Floats
-from qlearn.mdp.backup import model_of
 from qlearn.mdp.blocks import in_blocks, some_rows
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import Actions, valued
-from qlearn.mdp.sweep_kernels import products, sweep_rows
+from qlearn.mdp.sweep_kernels import (
+    GreedyRule,
+    Rewards,
+    arrays_of,
+    improve,
+    pass_on,
+    sweep_rows,
+    take_in,
+)
 
 _LOOK = 4  # sweeps between two measurements of their pace
 _WORTH = 40  # a linear system takes about as long as this many sweeps
 _ROUNDS = 200  # largest number of policies
 _ROUNDING = 1e-14  # sweeps need not get below this width
-_COARSE = 4e-6  # single precision sweeps shares to this width, forty times its rounding
-# With more products in a sweep than this, single precision is worth a copy of the chain, and
-# fetching successors ahead and leaving out actions are worth their code.
-_LARGE = 4_000_000
-_MOST_COARSE = 30  # largest number of sweeps in single precision
+# With more products in a sweep than this, passing on changes, fetching successors ahead and leaving
+# out actions are worth their code.
+LARGE = 4_000_000
+_MOST_CHANGES = 30  # largest number of sweeps that pass on changes
+_STILL = 0.25  # changes that differ from most others' by less than this part are not passed on
 _AT_ONCE = 1 << 14  # states whose changes are in memory at the same time
 _FINEST = 1e-8  # values that choose questions are swept no further than to this width
 _SLOW = 0.8  # sweeps that leave more than this share of the last width are too slow
@@ -75,6 +82,10 @@ class Seen:
         q = np.where(mdp.admissible[here], q, -np.inf)
         return np.asarray(q >= q.max(axis=1, keepdims=True) - room)
 
+    def means(self, actions: int) -> NDArray[np.float32]:
+        """Return the old means (S, A), or an array (0, A) if there are none."""
+        return np.empty((0, actions), dtype=np.float32) if self._means is None else self._means
+
     def forget(self, shape: tuple[int, ...]) -> NDArray[np.float32]:
         """Forget the old means, and return an array (S, A) for new ones.
 
@@ -103,8 +114,7 @@ class _Chain:
     def __init__(self, mdp: OrdinalMDP, policy: Actions) -> None:
         self._mdp = mdp
         self._rows = np.arange(mdp.n_states) * mdp.n_actions + policy
-        self._counts = np.diff(mdp.transitions.indptr)[self._rows]
-        self.nnz = int(self._counts.sum())
+        self.nnz = int(np.diff(mdp.transitions.indptr)[self._rows].sum())
 
     @cached_property
     def matrix(self) -> sparse.csr_array:
@@ -113,29 +123,7 @@ class _Chain:
 
     def in_place(self) -> _Rows:
         """Return the policy's rows as indices into the MDP's own arrays, which are not copied."""
-        return _Rows(self._rows, *_arrays(self._mdp))
-
-    def coarse(self) -> _Rows:
-        """Return a copy in single precision, made in parts: it is a tenth of a large MDP."""
-        transitions = self._mdp.transitions
-        ends = np.concatenate([[0], np.cumsum(self._counts)]).astype(transitions.indptr.dtype)
-        successors = np.empty(self.nnz, dtype=transitions.indices.dtype)
-        probabilities = np.empty(self.nnz, dtype=np.float32)
-        for start in range(0, len(self._rows), _AT_ONCE):
-            some = self._rows[start : start + _AT_ONCE]
-            part, into = transitions[some], slice(ends[start], ends[start + len(some)])
-            successors[into], probabilities[into] = part.indices, part.data
-        return _Rows(np.arange(len(self._rows)), ends, _unsigned(successors), probabilities)
-
-
-def _arrays(mdp: OrdinalMDP) -> tuple[Any, Any, Any]:
-    """Return the ends of rows, successors and probabilities, as compiled sweeps read them."""
-    model = model_of(mdp)
-    return model.ends, _unsigned(model.successors), model.probabilities
-
-
-def _unsigned(numbers: Any) -> Any:
-    return numbers.view(f"u{numbers.itemsize}")
+        return _Rows(self._rows, *arrays_of(self._mdp))
 
 
 @one_thread
@@ -189,6 +177,7 @@ def nearly_valued(
     start: Floats | None,
     within: float,
     states: Actions | None = None,
+    before: Actions | None = None,
 ) -> Floats:
     """Return the approximate vector value of a deterministic policy (S,), as shares (S, k).
 
@@ -197,30 +186,128 @@ def nearly_valued(
     than ``within``. If some states are terminal, the changes themselves would be as small. The
     sweeps begin at the shares ``start`` (S, k), if there are any. If ``states`` (n,) are given,
     only the changes at these states count.
+
+    If the shares ``start`` are the value of another policy ``before`` (S,) to about the same
+    accuracy, a large model is swept only where the difference between the policies matters.
     """
     levels, chain = np.arange(mdp.k - 1), _Chain(mdp, policy)
     ends: Floats = np.broadcast_to(0.0, (mdp.n_states, len(levels)))  # takes no memory
     if mdp.terminal.any():
         ends = ((mdp.final_level[:, None] > levels) & mdp.terminal[:, None]).astype(np.float64)
-    gain: Floats = np.where(
-        mdp.levels[np.arange(mdp.n_states), policy][:, None] > levels, 1.0 - mdp.discount, 0.0
-    )
-    tails = np.full(gain.shape, 0.5) if start is None else np.ascontiguousarray(tail_sums(start))
+    shape = mdp.n_states, len(levels)
+    tails = np.full(shape, 0.5) if start is None else np.ascontiguousarray(tail_sums(start))
     tails[mdp.terminal] = ends[mdp.terminal]
-    shares = _shares_of(_followed(mdp, chain, gain, ends, tails, within, states))
+    done = False
+    if chain.nnz * len(levels) >= LARGE and len(levels) > 1:
+        since = before if start is not None else None
+        done = _changed(mdp, policy, chain, ends, tails, within, states, since)
+    if not done:
+        gain = _tails_of_levels(mdp, policy, slice(None))
+        tails = _followed(mdp, chain, gain, ends, tails, within, states)
+        del gain
+    shares = _shares_of(tails)
+    del tails
     negative = (shares if states is None else shares[states]).min() < -within
     if negative and states is not None and within > _FINEST:
         # the middle of the changes is off by up to discount / (1 - discount) of half their width
         np.maximum(shares, 0.0, out=shares)
-        del chain, gain, ends, tails
+        del chain, ends
         return nearly_valued(mdp, policy, shares, within / 10, states)
     if negative:
         # all columns were moved too far together, as can happen if some states already have all
         # that they will ever have; cutting off the negative part would tear states apart
+        gain = _tails_of_levels(mdp, policy, slice(None))
         shares = _shares_of(valued(mdp, chain.matrix, gain, ends))
     np.maximum(shares, 0.0, out=shares)
     shares /= shares.sum(axis=1, keepdims=True)
     return shares
+
+
+def _tails_of_levels(mdp: OrdinalMDP, policy: Actions, states: slice | Actions) -> Floats:
+    """Return the tail sums (n, k - 1) of what a policy (S,) earns at once in states (n,)."""
+    earned = mdp.levels[np.arange(mdp.n_states)[states], policy[states]]
+    return np.where(earned[:, None] > np.arange(mdp.k - 1), 1.0 - mdp.discount, 0.0)
+
+
+def _changed(
+    mdp: OrdinalMDP,
+    policy: Actions,
+    chain: _Chain,
+    ends: Floats,
+    tails: Floats,
+    within: float,
+    states: Actions | None,
+    before: Actions | None,
+) -> bool:
+    """Turn the tail sums (S, k - 1) of a start into those of a policy's value, by their changes.
+
+    A sweep adds to the tail sums how they change, and passes these changes on to the predecessors.
+    What changes in most states alike is added at once, with all that it will become. The changes
+    of states that differ from that by little are not passed on. So a sweep reads few states at
+    first, if the policy differs in few states from that of the start, and few again at the end.
+    Changes are kept in single precision, which does not limit the accuracy of the tail sums.
+
+    Return whether the changes of the last sweep, over all states or ``states`` (n,), differ by no
+    more than ``within``. Sweeps end earlier if they are too slow.
+    """
+    rows, ended = chain.in_place(), bool(mdp.terminal.any())
+    change = _first_change(mdp, policy, rows, ends, tails, before)
+    some = np.linspace(0, len(change) - 1, _LOOKED_AT).astype(np.int64)
+    active, left = np.empty(len(change), dtype=np.bool_), np.zeros(change.shape[1])
+    new, least, widths = np.empty_like(change), np.float32(_STILL * within), [np.inf, np.inf]
+    onwards = mdp.discount / (1 - mdp.discount)
+    for _ in range(_MOST_CHANGES):
+        width = mdp.discount * float(np.ptp(change if states is None else change[states], 0).max())
+        middle = np.zeros_like(change[0]) if ended else np.median(change[some], axis=0)
+        common = np.zeros_like(left) if ended else onwards * (middle + left / len(change))
+        take_in(change, middle, common, least, tails, active, left)
+        if width <= within or width > _SLOW * widths[-2]:
+            return width <= within
+        widths.append(width)
+        _pass_on(mdp, rows, change, active, new)
+        change, new = new, change
+    return False
+
+
+def _pass_on(
+    mdp: OrdinalMDP,
+    rows: _Rows,
+    change: NDArray[np.float32],
+    active: NDArray[np.bool_],
+    new: NDArray[np.float32],
+) -> None:
+    """Write how the changes (S, c) of active (S,) states change their predecessors into new."""
+
+    def sweep(first: int, last: int) -> None:
+        part = new[first:last]
+        pass_on(first, *rows, np.float32(mdp.discount), change, active, part)
+        part[mdp.terminal[first:last]] = 0.0
+
+    in_blocks(sweep, len(change), len(rows.successors) // mdp.n_actions * change.shape[1])
+
+
+def _first_change(
+    mdp: OrdinalMDP,
+    policy: Actions,
+    rows: _Rows,
+    ends: Floats,
+    tails: Floats,
+    before: Actions | None,
+) -> NDArray[np.float32]:
+    """Return how one sweep along a policy changes tail sums (S, k - 1).
+
+    If they are those of the value of the policy ``before`` (S,), they change only where the
+    policies differ.
+    """
+    change, at_once = np.zeros(tails.shape, dtype=np.float32), _AT_ONCE
+    live = ~mdp.terminal if before is None else ~mdp.terminal & (policy != before)
+    where = np.flatnonzero(live)
+    for start in range(0, len(where), at_once):
+        here = where[start : start + at_once]
+        found, gain = np.empty((len(here), tails.shape[1])), _tails_of_levels(mdp, policy, here)
+        sweep_rows(0, rows.rows[here], *rows[1:], gain, mdp.discount, tails, found)
+        change[here] = found - tails[here]
+    return change
 
 
 def _followed(
@@ -237,11 +324,7 @@ def _followed(
     Terminal states' totals are ``ends`` (S, c). Sweeps go on until no column's changes differ by
     more than ``within`` from state to state, or among ``states`` (n,). v is overwritten.
     """
-    large = chain.nnz * v.shape[1] >= _LARGE
-    if large and v.shape[1] > 1:
-        v, done = _followed_coarsely(mdp, chain, gain, ends, v, within, states)
-        if done:
-            return v
+    large = chain.nnz * v.shape[1] >= LARGE
     ended, widths = bool(mdp.terminal.any()), list[float]()
     transitions: sparse.csr_array | _Rows = chain.in_place() if large else chain.matrix
     while True:
@@ -256,34 +339,6 @@ def _followed(
             pace = (width / widths[-_LOOK - 1]) ** (1 / _LOOK)
             if not pace < 1 or np.log(within / width) < _WORTH * np.log(pace):
                 return valued(mdp, chain.matrix, gain, ends)
-
-
-def _followed_coarsely(
-    mdp: OrdinalMDP,
-    chain: _Chain,
-    gain: Floats,
-    ends: Floats,
-    v: Floats,
-    within: float,
-    states: Actions | None,
-) -> tuple[Floats, bool]:
-    """Return the totals of ``_followed`` by sweeps in single precision, and if they suffice.
-
-    Single precision needs half the memory and time. The sweeps end at ``within``, at the limit of
-    single precision, or once they are too slow.
-    """
-    coarse = chain.coarse()
-    gains, now = gain.astype(np.float32), v.astype(np.float32)
-    widths = [np.inf, np.inf]
-    for _ in range(_MOST_COARSE):
-        now, low, high = _swept(mdp, coarse, gains, ends, now, states)
-        width = mdp.discount * float((high - low).max())
-        if width <= max(within, _COARSE) or width > _SLOW * widths[-2]:
-            break
-        widths.append(width)
-    if not mdp.terminal.any():
-        now += _to_go(mdp, low, high)
-    return np.asarray(now, dtype=np.float64), width <= within
 
 
 def _swept(
@@ -338,48 +393,41 @@ def _improved(
     ``seen`` are left out.
     """
     best, greedy, m = np.empty_like(v), np.empty(len(v), dtype=np.int64), mdp.n_actions
-    large, room, means = mdp.transitions.nnz >= _LARGE, np.inf, None
+    large, room, means = mdp.transitions.nnz >= LARGE, np.inf, None
     if large:
         room = seen.room(v, mdp.discount)
         some = np.linspace(0, len(v) - 1, _LOOKED_AT).astype(np.int64)
         if seen.may_be_best(mdp, gain, room, some).mean() > _FEW:
             room, means = np.inf, seen.forget(gain.shape)
-
-    def mean(first: int, end: int) -> tuple[Floats, NDArray[np.bool_]]:
-        here, rows = slice(first, end), np.arange(end - first)
-        needed = np.ones((end - first, m), dtype=np.bool_)
-        if means is None:
-            needed = seen.may_be_best(mdp, gain, room, here)
-            if last is not None:
-                needed[rows, last[here]] = True
-        found = np.empty(needed.shape)
-        products(first, *_arrays(mdp), v, needed, found)
-        if means is not None:
-            means[here] = found
-        return found, needed
+    rewards = Rewards(gain, ends, mdp.terminal, mdp.admissible, mdp.discount)
+    known = seen.means(m) if means is None else means
+    kept = np.empty(0, dtype=np.int64) if last is None else last
+    choosing = GreedyRule(known, means is not None, room, kept, slack)
 
     def choose(first: int, end: int) -> None:
-        here, needed = slice(first, end), None
-        if large:
-            found, needed = mean(first, end)
-        else:
-            found = (some_rows(mdp.transitions, first * m, end * m) @ v).reshape(-1, m)
-        q = gain[here] + mdp.discount * found
-        if needed is not None:
-            q[~needed] = -np.inf
+        here = slice(first, end)
+        q = gain[here] + mdp.discount * (
+            some_rows(mdp.transitions, first * m, end * m) @ v
+        ).reshape(-1, m)
         q[mdp.terminal[here]] = ends[here][mdp.terminal[here], None]
         q[~mdp.admissible[here]] = -np.inf
         greedy[here] = q.argmax(axis=1)
         rows = np.arange(end - first)
         best[here] = q[rows, greedy[here]]
         if last is not None:
-            kept = q[rows, last[here]] >= best[here] - slack
-            greedy[here][kept] = last[here][kept]
+            stay = q[rows, last[here]] >= best[here] - slack
+            greedy[here][stay] = last[here][stay]
+
+    def choose_of_few(first: int, end: int) -> None:
+        at = slice(first, end)
+        improve(first, arrays_of(mdp), v, rewards, choosing, best[at], greedy[at])
 
     def sweep(first: int, end: int) -> Floats:
-        step = _AT_ONCE if large else max(1, end - first)
-        for start in range(first, end, step):
-            choose(start, min(end, start + step))
+        if large:
+            for start in range(first, end, _AT_ONCE):
+                choose_of_few(start, min(end, start + _AT_ONCE))
+        elif end > first:
+            choose(first, end)
         return _change(best[first:end], v[first:end], states)
 
     changes = in_blocks(sweep, mdp.n_states, mdp.transitions.nnz)
@@ -420,13 +468,17 @@ def _over_all(
 
 def run_compiled(mdp: OrdinalMDP) -> None:
     """Run the compiled sweeps of large models once, so that their machine code is kept."""
-    n, chain = mdp.n_states, _Chain(mdp, np.argmax(mdp.admissible, axis=1))
-    found = np.empty(mdp.levels.shape)
-    products(0, *_arrays(mdp), np.zeros(n), mdp.admissible, found)
-    products(0, *_arrays(mdp), np.zeros(n), np.ones(found.shape, dtype=np.bool_), found)
-    for rows, kind in ((chain.in_place(), np.float64), (chain.coarse(), np.float32)):
-        v = np.zeros((n, 2), dtype=kind)
-        _swept(mdp, rows, v, v, v)
+    n, policy = mdp.n_states, np.argmax(mdp.admissible, axis=1)
+    chain, v, tails = _Chain(mdp, policy), np.zeros((n, 2)), np.full((n, mdp.k - 1), 0.5)
+    for kind in (np.float64, np.float32):
+        each = v.astype(kind)
+        _swept(mdp, chain.in_place(), each, each, each)
+    _changed(mdp, policy, chain, np.zeros_like(tails), tails, 1e-3, None, None)
+    gain, final = np.zeros(mdp.levels.shape), np.zeros(n)
+    rewards = Rewards(gain, final, mdp.terminal, mdp.admissible, mdp.discount)
+    choosing = GreedyRule(Seen().forget(gain.shape), True, np.inf, policy, 0.0)
+    taken = np.empty(n, dtype=np.int64)
+    improve(0, arrays_of(mdp), final, rewards, choosing, np.empty(n), taken)
 
 
 def _to_go(mdp: OrdinalMDP, low: Floats, high: Floats) -> Floats:

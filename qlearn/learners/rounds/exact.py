@@ -28,6 +28,7 @@ class ExactRounds:
         self._enough = enough
         self._advantages: Advantages | None = None
         self.rounds = 0  # policies solved for so far
+        self.left_out = 0  # alternatives that ``everything`` leaves out
 
     def round(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
         """Return the advantages that questions may be about, and the policy's loss bound.

@@ -16,10 +16,11 @@ from qlearn.certificates.advantages import Advantages, advantages_over
 from qlearn.certificates.box_bounds import bounds_of_many
 from qlearn.certificates.drawn_losses import most_of
 from qlearn.certificates.loss_bound import Guarantee, collected, drawn_set, draws_of, guarantee
+from qlearn.certificates.screening import screened
 from qlearn.learners.rounds.tuning import TUNING
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import rewarded
-from qlearn.mdp.warm_planning import Seen, nearly_optimal, nearly_valued
+from qlearn.mdp.warm_planning import LARGE, Seen, nearly_optimal, nearly_valued
 
 
 class SampledRounds:
@@ -35,14 +36,17 @@ class SampledRounds:
         self._total = np.zeros(
             mdp.n_states
         )  # greatest total that can be collected, by the last bounds
+        self._of_pool: Floats | None = None  # the same of the pool alone, in a large model
         small = mdp.n_states <= TUNING.slow
         self._most = TUNING.questions_a_solution if small else TUNING.questions_a_slow_solution
+        self._rough = TUNING.rough if small else TUNING.rough_if_slow
         self._error = TUNING.error * enough
         self.rounds = 0  # policies solved for so far
         self._asked = 0  # rounds with the current policy
         self._seen = Seen()
         self._pool: Advantages | None = None
         self._all: Advantages | None = None
+        self.left_out = 0  # alternatives that ``everything`` leaves out, shown to be worse
 
     def round(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
         """Solve approximately, and return the advantages of some states and the loss bound.
@@ -51,17 +55,17 @@ class SampledRounds:
         computed.
         """
         self._asked += 1
-        if (
-            self._pool is None
-            or self._asked >= self._most
-            or not self._in_vain(self._pool, comparator)
-        ):
-            self.rounds, self._asked = self.rounds + 1, 0
-            sample = self._sample()
-            self._solve(best_guess(comparator), sample)
-            self._pool = advantages_over(self._mdp, self._kept(), self._v, sample)
-            if not self._too_much(self._pool, comparator):
-                return self.look_further(comparator)
+        if self._pool is not None and self._asked < self._most:
+            if self._in_vain(self._pool, comparator):
+                return self._pool, Guarantee(np.inf, np.nan)
+            if self._of_pool is not None:
+                return self.look_further(comparator)  # a sample would show less
+        self.rounds, self._asked = self.rounds + 1, 0
+        sample = self._sample()
+        self._solve(best_guess(comparator), sample)
+        self._pool, self._of_pool = advantages_over(self._mdp, self._kept(), self._v, sample), None
+        if not self._too_much(self._pool, comparator):
+            return self.look_further(comparator)
         return self._pool, Guarantee(np.inf, np.nan)
 
     def _in_vain(self, pool: Advantages, comparator: Comparator) -> bool:
@@ -74,13 +78,17 @@ class SampledRounds:
         if self._all is None or drawn_set(comparator) is not None:
             return False  # a sample, or drawn scales, cannot show more
         high, _ = bounds_of_many(comparator, pool.d)
-        total = collected(self._mdp, pool, high, self._total, self._error)
+        if high.max(initial=0.0) > self._enough:
+            return True  # what one action gains, a policy can collect
+        start = self._total if self._of_pool is None else self._of_pool
+        total = collected(self._mdp, pool, high, start, self._error)
+        self._of_pool = total if self._mdp.transitions.nnz >= LARGE else None
         return bool(total.max(initial=0.0) > self._enough)
 
     def everything(self) -> Advantages:
-        """Return all advantages over the current policy."""
+        """Return all advantages over the current policy, but those that were screened out."""
         if self._all is None:
-            self._all = advantages_over(self._mdp, self._kept(), self._v)
+            self._all, self.left_out = advantages_over(self._mdp, self._kept(), self._v), 0
         return self._all
 
     def some_of(self, advantages: Advantages) -> Advantages:
@@ -102,7 +110,7 @@ class SampledRounds:
         """
         mdp, last, little = self._mdp, self._policy, self._error
         if sample is not None:
-            little *= TUNING.rough
+            little *= self._rough
         gain, ends = rewarded(mdp, values)
         start = np.full(mdp.n_states, 0.5) if self._v is None else product(self._v, values)
         _, policy, _ = nearly_optimal(mdp, gain, ends, start, little, last, sample, self._seen)
@@ -111,7 +119,8 @@ class SampledRounds:
         if changed or (self._is_rough and sample is None):
             within = little * (1 - mdp.discount)
             self._all = None  # a third of the memory that a new V takes
-            self._v = nearly_valued(mdp, policy, self._v, within, states=sample)
+            before = None if sample is None else last
+            self._v = nearly_valued(mdp, policy, self._v, within, states=sample, before=before)
             self._policy, self._is_rough = policy, sample is not None
 
     def _sample(self) -> NDArray[np.int64]:
@@ -144,16 +153,31 @@ class SampledRounds:
         if self._asked:
             self.rounds, self._asked = self.rounds + 1, 0
         self._solve(best_guess(comparator))
+        rest = self._screen(comparator) if trusted is None else None
         advantages = self.everything()
         if trusted is None:
             high, confidence = bounds_of_many(comparator, advantages.d)
-            self._total = collected(mdp, advantages, high, self._total, self._error)
+            self._total = collected(mdp, advantages, high, self._total, self._error, rest)
             found = Guarantee(float(self._total.max(initial=0.0)), confidence)
         else:
             found = guarantee(mdp, advantages, comparator, self._enough)
             high = most_of(advantages.d, trusted[0].gaps, axis=1)
-        self._pool = advantages.only(_greatest(high, TUNING.pool))
+        self._pool, self._of_pool = advantages.only(_greatest(high, TUNING.pool)), None
         return self._pool, found
+
+    def _screen(self, comparator: Comparator) -> NDArray[np.float32] | None:
+        """Leave out of ``everything`` what is worse under all plausible scales, in a large model.
+
+        Return upper bounds (S, A) on the advantages left out, or None.
+        """
+        if self._mdp.transitions.nnz < LARGE or self._v is None:
+            return None
+        self._all = None  # what was left out before may have been so under other scales
+        found = screened(self._mdp, self._kept(), self._v, comparator, self._enough)
+        if found is None:
+            return None
+        self._all, self.left_out = found.advantages, found.left_out
+        return found.rest
 
 
 def _greatest(x: Floats, most: int) -> NDArray[np.int64]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from qlearn import OrdinalMDP, evaluate_policy, policy_loss, random_mdp, value_iteration
-from qlearn.mdp import blocks, warm_planning
+from qlearn.mdp import blocks, sweep_kernels, warm_planning
 from qlearn.mdp.planning import rewarded
 from qlearn.mdp.warm_planning import Seen, nearly_optimal, nearly_valued
 from tests.mdp_cases import messy_mdp
@@ -103,7 +103,7 @@ def test_sweeps_that_begin_in_single_precision_come_as_near(monkeypatch, name):
     mdp = MODELS[name]
     policy = value_iteration(mdp, VALUES)[1]
     exact = evaluate_policy(mdp, policy)
-    monkeypatch.setattr(warm_planning, "_LARGE", 0)
+    monkeypatch.setattr(warm_planning, "LARGE", 0)
     v = nearly_valued(mdp, policy, None, 1e-8)
     np.testing.assert_allclose(v, exact, atol=1e-8 * 4 / (1 - mdp.discount))
     np.testing.assert_array_equal(v[mdp.terminal], exact[mdp.terminal])
@@ -112,14 +112,14 @@ def test_sweeps_that_begin_in_single_precision_come_as_near(monkeypatch, name):
 @pytest.mark.parametrize("name", MODELS)
 def test_actions_that_cannot_be_the_best_are_left_out_and_no_number_changes(monkeypatch, name):
     mdp, rng, needed = MODELS[name], np.random.default_rng(0), []
-    kept = warm_planning.products
+    kept = sweep_kernels.products
 
     def counted(first, ends, successors, probabilities, v, some, found):
         needed.append(some.mean())
         kept(first, ends, successors, probabilities, v, some, found)
 
     def solved(large):
-        monkeypatch.setattr(warm_planning, "_LARGE", large)
+        monkeypatch.setattr(warm_planning, "LARGE", large)
         seen, start, last, found = Seen(), np.full(mdp.n_states, 0.5), None, []
         for number in range(4):  # from scale to scale, as policy iteration solves
             scale = np.array([0.0, 0.2 + number / 100, 0.7 - number / 50, 1.0])
@@ -130,7 +130,8 @@ def test_actions_that_cannot_be_the_best_are_left_out_and_no_number_changes(monk
             found += [start, last, more]
         return found
 
-    monkeypatch.setattr(warm_planning, "products", counted)
+    monkeypatch.setattr(warm_planning, "improve", sweep_kernels.improve_together)
+    monkeypatch.setattr(sweep_kernels, "products", counted)
     for one, other in zip(solved(10**12), solved(0), strict=True):
         np.testing.assert_array_equal(one, other)
     assert needed
