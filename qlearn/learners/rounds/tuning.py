@@ -48,7 +48,8 @@ class Tuning:
     rough: float = 10.0
     # the same for models of more than ``slow`` states; with 10, 50 and 200 in its place, 51.7, 52.8
     # and 54.3 questions were asked in 7.2, 6.8 and 6.4 s (40,000 states, seeds 1 to 10; 200 against
-    # 10: 2.6 +- 5.2 questions); with 100, 3.3 +- 3.9 more (100,000 states, seeds 1 to 9)
+    # 10: 2.6 +- 5.2 questions); with 100, 3.3 +- 3.9 more than before states were screened, when it
+    # was 10 (100,000 states, seeds 1 to 9)
     rough_if_slow: float = 30.0
 
 
