@@ -77,7 +77,7 @@ def test_one_log_serves_three_comparators(tmp_path):
         assert len(orders) == 3
         assert len(set(orders)) == 1
         assert "polytope: knew 0 answers and asked for 5 more." in run.shown
-        assert "relaxed polytope: knew 5 answers and asked for 0 more." in run.shown
+        assert "polytope, one wrong: knew 5 answers and asked for 2 more." in run.shown
         assert "posterior: knew 5 answers and asked for 2 more." in run.shown
         assert "do not go together" not in run.shown
 

@@ -56,6 +56,14 @@ def test_another_comparator_and_a_log_that_does_not_say_its_problem(
 ) -> None:
     assert main(["result", str(log), "--comparator", "polytope"]) == 0
     assert "with 95% probability" not in " ".join(capsys.readouterr().out.split())
+    recipe = AnswerLog.read(log).header["recipe"] | {"comparator": "relaxed"}
+    with AnswerLog("old.jsonl", 3, {"recipe": recipe}):  # of a comparator that is no more
+        pass
+    assert main(["result", "old.jsonl"]) == 1
+    said = capsys.readouterr().err
+    assert "'relaxed'" in said
+    assert "--comparator polytope-1-wrong" in said
+    assert "--comparator posterior" in said
     with AnswerLog("plain.jsonl", 3):
         pass
     assert main(["result", "plain.jsonl"]) == 1
