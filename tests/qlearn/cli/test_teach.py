@@ -131,7 +131,7 @@ def told(log: Path) -> list[tuple[str, Verdict | None]]:
 )
 def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: Path) -> None:
     with Teach(tmp_path, "--problem", "random", "--comparator", comparator, "--seed", "3") as teach:
-        keys = answer_all(teach, VALUES)
+        keys = [key for key in answer_all(teach, VALUES) if not key.isdigit()]  # no offers
         code, errors = teach.leave()
     assert (code, errors) == (0, f"{SAID}\n")
     assert len(keys) > 3
@@ -154,8 +154,10 @@ def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: P
         said = shown.metadata["shown"]
         left, right = ("b", "a") if shown.swapped else ("a", "b")
         assert said["exact"]
-        assert (np.array(said[left]) / 10).tolist() == query.left.tolist()
-        assert (np.array(said[right]) / 10).tolist() == query.right.tolist()
+        total = sum(said[left])  # 10 days, or 100 where a level is compared with a chance
+        assert total in (10, 100)
+        assert (np.array(said[left]) / total).tolist() == query.left.tolist()
+        assert (np.array(said[right]) / total).tolist() == query.right.tolist()
         assert entry.answer.swapped == shown.swapped
         assert key == {0: "e", 1: left, -1: right}[entry.answer.verdict]
     said = report(teach.shown)
@@ -173,7 +175,7 @@ def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: P
     )
     bound = re.search(loss, " ".join(said.split()))
     assert bound
-    assert float(bound[1]) < 1
+    assert float(bound[1]) <= (1 if comparator == "polytope-1-wrong" else 0.99)  # of 100, rounded
     known = PolytopeComparator(5, wrong=int(comparator == "polytope-1-wrong"))
     policy = InteractivePolicyIteration(mdp, known, bags=Bags(10), known=log).result().policy
     assert (
