@@ -46,7 +46,6 @@ def comparators(k: int) -> dict[str, Any]:
         "polytope": elicit.PolytopeComparator(k),
         "polytope with a prior": elicit.PolytopeComparator(k, prior=["e3 >= 1.5*e2"]),
         "posterior": elicit.PosteriorComparator(k, particles=50, seed=0),
-        "polytope, one wrong": elicit.PolytopeComparator(k, wrong=1),
         "ensemble": elicit.BradleyTerryComparator(k, n_boot=20, region="ensemble"),
         "box": elicit.BradleyTerryComparator(k, n_boot=20, region="box"),
         "dominance": elicit.Dominance(k),
