@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from elicit.comparators.panel import Panel
     from elicit.comparators.polytope.comparator import PolytopeComparator
     from elicit.comparators.polytope.open_order import OpenOrderComparator
-    from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
     from elicit.decision.verdicts import decide
     from elicit.diagnostics.agreement import Agreement, agreement
     from elicit.diagnostics.held_out import compare_held_out, held_out
@@ -57,7 +56,6 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.comparators.panel": ["Panel"],
     "elicit.comparators.polytope.comparator": ["PolytopeComparator"],
     "elicit.comparators.polytope.open_order": ["OpenOrderComparator"],
-    "elicit.comparators.polytope.relaxed_comparator": ["RelaxedPolytopeComparator"],
     "elicit.decision.verdicts": ["decide"],
     "elicit.diagnostics.agreement": ["Agreement", "agreement"],
     "elicit.diagnostics.held_out": ["compare_held_out", "held_out"],
@@ -133,7 +131,6 @@ __all__ = [
     "PolytopeComparator",
     "PosteriorComparator",
     "Query",
-    "RelaxedPolytopeComparator",
     "ReplayTutor",
     "Session",
     "StaleAnswer",

@@ -31,12 +31,6 @@ def _polytope(k: int, seed: Seed, **settings: Any) -> Comparator:
     return PolytopeComparator(k, **settings)
 
 
-def _relaxed(k: int, seed: Seed, **settings: Any) -> Comparator:
-    from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
-
-    return RelaxedPolytopeComparator(k, **settings)
-
-
 def _posterior(k: int, seed: Seed, **settings: Any) -> Comparator:
     from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 
@@ -159,18 +153,6 @@ _ENTRIES = (  # Okabe and Ito's colours; the markers and line styles tell the sa
         linestyle=(0, (6, 1, 1, 1)),
         fixed={"wrong": 1},
         cost=10.0,
-        compiles="proofs",
-    ),
-    ComparatorEntry(
-        name="relaxed",
-        label="relaxed polytope",
-        kind="RelaxedPolytopeComparator",
-        factory=_relaxed,
-        color="#E69F00",
-        marker="v",
-        linestyle=(0, (1, 1)),
-        options=("slack", "tie"),
-        trusts=True,
         compiles="proofs",
     ),
     ComparatorEntry(

@@ -3,7 +3,7 @@
     python examples/one_log_three_comparators.py [answers.jsonl]
 
 The same person is asked three times to order a list: for the polytope, which takes each answer for
-right; for the relaxed polytope, which bears with contradictions; and for a posterior, which allows
+right; for the polytope that holds even if one answer is wrong; and for a posterior, which allows
 for slips. The later ones know what was said before and ask only what is still open to them.
 """
 
@@ -20,7 +20,7 @@ WORDS = elicit.Words("patients", "fare", question="which is better off?")
 MEANS = {"a": "a", "b": "b", "e": "equal", "?": "cannot tell"}
 COMPARATORS = {
     "polytope": elicit.PolytopeComparator(K),
-    "relaxed polytope": elicit.RelaxedPolytopeComparator(K),
+    "polytope, one wrong": elicit.PolytopeComparator(K, wrong=1),
     "posterior": elicit.PosteriorComparator(K, seed=0),
 }
 

@@ -31,7 +31,7 @@ COMPARATORS: dict[str, Callable[..., Comparator]] = {
     "dominance": Dominance,
     "polytope": PolytopeComparator,
     "polytope, margin 0": partial(PolytopeComparator, margin=0.0),
-    "ensemble": partial(BradleyTerryComparator, n_boot=20),
+    "ensemble": partial(BradleyTerryComparator, n_boot=20, region="ensemble"),
     "box": partial(BradleyTerryComparator, n_boot=20, region="box"),
     "posterior": partial(PosteriorComparator, particles=60),
 }

@@ -17,9 +17,8 @@ from tests.compile_cases import LEARNERS
 def comparators(k: int) -> dict[str, Any]:
     return {
         "polytope": elicit.PolytopeComparator(k),
-        "relaxed": elicit.RelaxedPolytopeComparator(k, slack=0.05),
         "posterior": elicit.PosteriorComparator(k, seed=1),
-        "ensemble": elicit.BradleyTerryComparator(k, seed=1),
+        "ensemble": elicit.BradleyTerryComparator(k, seed=1, region="ensemble"),
     }
 
 

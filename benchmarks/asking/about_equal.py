@@ -54,8 +54,8 @@ questions it costs. A person says "equal" when two things are close. Each of our
 the value range e_k - e_1, that the tutor may call equal. It is .01 by default. Set it to 0 for a tutor known to be exact:
 then "equal" means equal, to one part in 10^9.
 
-- **What an answer "equal" teaches.** The polytope keeps only the scales with |d.e| <= tie. The relaxed polytope counts the part of |d.e|
-  above the tie as a violation. The Bradley-Terry fit and the posterior use the law of Rao and Kupper (1967): P(left is better) =
+- **What an answer "equal" teaches.** The polytope keeps only the scales with |d.e| <= tie, or all others if
+  this answer is among the wrong ones that it allows for (`wrong=`). The Bradley-Terry fit and the posterior use the law of Rao and Kupper (1967): P(left is better) =
   sigma(c (d.e - w)) and P(right is better) = sigma(-c (d.e + w)). In the fit w is the tie. The posterior learns w, whose median
   is the tie a priori ([the posterior's model](posterior.md#ties)). A tutor who has called nothing equal is taken to be exact: until the first "equal"
   every comparator gives the same numbers as with tie = 0, to the last digit, and asks no more questions.

@@ -127,7 +127,7 @@ def made(name: str, k: int, error: float, seed: int) -> elicit.Comparator:
     if name == "polytope":
         return elicit.PolytopeComparator(k)
     if name == "ensemble":
-        return elicit.BradleyTerryComparator(k, seed=seed)
+        return elicit.BradleyTerryComparator(k, seed=seed, region="ensemble")
     return elicit.PosteriorComparator(k, lapse=2 * error or 0.05, seed=seed)
 
 

@@ -114,7 +114,7 @@ def posterior_told(k: int, precision: float, lapse: float, growth: float) -> Com
 
 
 def ensemble(k: int, precision: float, lapse: float, growth: float) -> Comparator:
-    return BradleyTerryComparator(k, precision=precision, refit_growth=growth)
+    return BradleyTerryComparator(k, precision=precision, refit_growth=growth, region="ensemble")
 
 
 def box(k: int, precision: float, lapse: float, growth: float) -> Comparator:

@@ -145,7 +145,11 @@ def one_by_one(make: Callable[[Data], Comparator], data: Data, fits: int) -> Run
 def ensemble(data: Data) -> Comparator:
     """Return an ensemble of all resamples; the tutor's own precision serves its prior."""
     return BradleyTerryComparator(
-        data.answers.k, precision=data.top, n_boot=len(data.counts) - 1, level=LEVEL
+        data.answers.k,
+        precision=data.top,
+        n_boot=len(data.counts) - 1,
+        level=LEVEL,
+        region="ensemble",
     )
 
 

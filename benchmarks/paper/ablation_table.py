@@ -24,15 +24,10 @@ from benchmarks.stamps import sign
 from qlearn.experiments.ablation import ablate
 from qlearn.experiments.catalogue import LEARNERS
 
-COMPARATORS = ("always", "polytope", "relaxed", "posterior", "posterior-close", "box")
+COMPARATORS = ("always", "polytope", "posterior", "posterior-close", "box")
 ERROR_RATES = (0.0, 0.05, 0.15, 0.3)
 # share of the decided pairs that audited runs put to the tutor all the same: one or two hundred
 AUDIT = 0.002
-RELAXED_RATES = (
-    0.0,
-    0.05,
-)  # of the relaxed polytope on the tasks: its time grows with the cube of answers that
-# contradict each other, and at 15% a run on deep-sea-treasure takes minutes to an hour
 LEVELS = (5, 10, 20)  # of the random MDPs
 TASKS = ("frozen-lake", "deep-sea-treasure", "icu-sepsis", "surgery", "rover")
 
@@ -66,17 +61,7 @@ def table(
     common |= {
         "exploration": "decaying"
     }  # uniformly, Q-learning hardly ever gets to the goal of some of them
-    for task in tasks:
-        fast = ablate(
-            problems=[task],
-            **(common | {"comparators": [c for c in COMPARATORS if c != "relaxed"]}),
-        )
-        slow = ablate(
-            problems=[task], **(common | {"comparators": ["relaxed"], "error_rates": RELAXED_RATES})
-        )
-        parts += [
-            part.assign(k=_levels_of(task)) for part in (fast, slow[slow.comparator == "relaxed"])
-        ]
+    parts += [ablate(problems=[task], **common).assign(k=_levels_of(task)) for task in tasks]
     rows = pd.concat(parts, ignore_index=True)
     audited = rows.comparator.where(
         (rows.audit == 0) | (rows.comparator != "polytope"), "polytope, audited"

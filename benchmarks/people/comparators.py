@@ -31,7 +31,7 @@ TIMES = 3  # answers to each training pair of repeated gambles
 MAKES: Mapping[str, Callable[[int], Comparator]] = {
     "PolytopeComparator": lambda k: PolytopeComparator(k),
     "PosteriorComparator": lambda k: PosteriorComparator(k),
-    "BradleyTerryComparator": lambda k: BradleyTerryComparator(k),
+    "BradleyTerryComparator": lambda k: BradleyTerryComparator(k, region="ensemble"),
 }
 
 

@@ -15,8 +15,7 @@ from elicit.model.comparator import Comparator, Decisions
 from elicit.model.query import Answers
 from elicit.model.scale import Floats
 
-NO_ARRAYS, ALWAYS_ASK, ORDER_ONLY, PROVEN, OUTER, WEIGHTED, ENSEMBLE, BOX = range(8)
-PROOFS = (PROVEN, OUTER)  # the kinds whose arrays compiled code writes to
+NO_ARRAYS, ALWAYS_ASK, ORDER_ONLY, PROVEN, WEIGHTED, ENSEMBLE, BOX = range(7)
 
 
 class Rule(NamedTuple):
@@ -83,15 +82,6 @@ def silent() -> Rule:
 def proven(known: Known, grows: bool) -> Rule:
     """Return a rule that decides by proofs about K_t. If it ``grows``, a loop may add answers."""
     return nothing()._replace(kind=PROVEN, known=known, grows=grows)
-
-
-def outer(known: Known, inside: Floats) -> Rule:
-    """Return a rule that decides by proofs about a set that contains all plausible scales.
-
-    ``inside`` (p, m) are some plausible scales. A difference is UNKNOWN if they disagree about its
-    sign. The comparator itself decides the rest.
-    """
-    return nothing()._replace(kind=OUTER, known=known, scales=np.ascontiguousarray(inside))
 
 
 def weighted(gaps: Floats, weights: Floats, level: float) -> Rule:

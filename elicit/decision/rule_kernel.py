@@ -17,26 +17,23 @@ from elicit.decision.comparator_rule import (
     BOX,
     ENSEMBLE,
     ORDER_ONLY,
-    OUTER,
     PROVEN,
     WEIGHTED,
     Rule,
 )
 from elicit.decision.votes import by_box, by_count, by_weight, spare_score
-from elicit.lp.sign_proofs import BY_DOMINANCE, BY_EQUAL, BY_SCREEN, prove, signs_at_points
+from elicit.lp.sign_proofs import BY_DOMINANCE, BY_EQUAL, BY_SCREEN, prove
 from elicit.model.comparator import Tier
 from elicit.model.difference_kernel import (
     EQUAL,
     LEFT_OPEN,
     UNKNOWN,
     by_dominance,
-    largest,
     tail_sums_into,
     to_order_one,
 )
 
 BY_MODEL = int(Tier.MODEL)
-NEAR = 1e-12  # of the largest tail sum: a score no farther from 0 at a point inside may be 0
 BLOCK = 256  # differences whose tail sums are held at once
 
 
@@ -81,7 +78,7 @@ def by_rule(d: Any, t: Any, shift: float, certificate: Any, rule: Rule) -> tuple
     PROVEN. It is written into ``certificate`` (p,). Give an array (0,) if you want none.
     """
     kind = rule.kind
-    if kind in (PROVEN, OUTER):
+    if kind == PROVEN:
         if shift != 0.0:  # since the gaps total 1, t.g + shift is (t + shift).g
             for j in range(len(t)):
                 t[j] += shift
@@ -94,14 +91,7 @@ def by_rule(d: Any, t: Any, shift: float, certificate: Any, rule: Rule) -> tuple
         found[0] = UNKNOWN
         one = t.reshape(1, len(t))
         certified = prove(one, certificate, rule.known, found[:1], found[1:])
-        verdict, tier = int(found[0]), int(found[1])
-        if (
-            kind == OUTER
-            and verdict == UNKNOWN
-            and not (shift == 0.0 and both_signs(t, rule.scales))
-        ):
-            verdict = LEFT_OPEN
-        return verdict, tier, certified
+        return int(found[0]), int(found[1]), certified
     if kind == WEIGHTED:
         return by_votes(t, shift, certificate, rule.scales, rule.weights, rule.level)
     if kind == ENSEMBLE:
@@ -150,17 +140,6 @@ def certifies(certificates: Any, row: int, side: int, t: Any) -> bool:
     for j in range(len(t)):
         above = above and sign * t[j] >= certificates[row, j]
     return above
-
-
-@compiled
-def both_signs(t: Any, gaps: Any) -> bool:
-    """Return whether t.g is certainly positive for one of several scales and negative for another.
-
-    The scales have gaps (p, m).
-    """
-    m = gaps.shape[1]
-    above, below = signs_at_points(t, NEAR * largest(t), 0, gaps, np.zeros(m, np.int8), np.empty(m))
-    return above and below
 
 
 @compiled

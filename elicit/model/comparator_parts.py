@@ -103,9 +103,9 @@ class Part(NamedTuple):
 
 _PANEL = ("Panel",)
 _OPEN = "OpenOrderComparator"
-_POLYTOPES = ("PolytopeComparator", "RelaxedPolytopeComparator")
+_POLYTOPE = "PolytopeComparator"
 _MODELS = ("PosteriorComparator", "BradleyTerryComparator")
-_DRAWING = (*_POLYTOPES, *_MODELS)
+_DRAWING = (_POLYTOPE, *_MODELS)
 _OPEN_MODEL = "OpenOrderPosterior"
 _LEARNING = (*_DRAWING, _OPEN, _OPEN_MODEL)
 _ALL = (*_LEARNING, "Dominance", "AlwaysAsk")
@@ -224,7 +224,7 @@ OPTIONAL_PARTS = (
         "decide_rest(d)",
         "beside `rule`: verdicts and tiers (n,) of what the rule leaves open",
         "Compiled loops call it there.",
-        (*_POLYTOPES, _OPEN, *_PANEL),
+        (_POLYTOPE, _OPEN, *_PANEL),
     ),
     Part(
         "LearnsInLoops",

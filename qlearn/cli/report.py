@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 _LIMITS = {
     "polytope": "It is assumed that every answer is right for the person who gave it. One wrong "
     "answer can make that person's ranges wrong.",
+    "polytope-1-wrong": "It is assumed that at most one answer of each person is wrong for them. "
+    "Two wrong answers can make that person's ranges wrong.",
     "posterior": "The ranges allow for errors in the answers. Each holds with 95% probability, on "
     "average over the scales that were assumed before the first answer.",
 }

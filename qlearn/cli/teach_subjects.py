@@ -173,11 +173,16 @@ def _comparator_maker(
     Raises
     ------
     ValueError
-        If the comparator learns nothing from earlier people, or a log is empty, of other levels or
-        of several people.
+        If there is no such comparator, if it learns nothing from earlier people, or a log is empty,
+        of other levels or of several people.
     OSError
         If a log cannot be read.
     """
+    if comparator not in COMPARATORS:
+        raise ValueError(
+            f"there is no comparator {comparator!r}: give --comparator posterior, or "
+            "--comparator polytope-1-wrong if at most one answer is wrong"
+        )
     if not like:
         return partial(COMPARATORS[comparator].make, len(labels), seed)
     if comparator != "posterior":

@@ -113,10 +113,8 @@ def ablate(
     "posterior-close" is for "q-learning" alone. "policy-iteration" runs only with comparators that
     can prove a loss bound (not "always", not "box"), and has no audited runs and no oracle.
     ``audit`` > 0 adds a second, audited run to each cell of the polytope, which notices errors only
-    in this way. "relaxed", which differs from the polytope only if answers contradict each other,
-    then has only the audited run. "always" with a truthful tutor is always run: it is the oracle
-    that the others are paired with. Audited runs are not, because they are shorter (their paired
-    columns are nan).
+    in this way. "always" with a truthful tutor is always run: it is the oracle that the others are
+    paired with. Audited runs are not, because they are shorter (their paired columns are nan).
 
     Your own parts are given as a mapping from their names, which ``runs.csv`` and pictures show, to
     their factories. The mapping may also hold our parts, under their own names:
@@ -172,8 +170,7 @@ def plan_of(settings: AblationSettings) -> list[Cell]:
         audited = (
             settings.audit > 0 and comparator in AUDITED and comparator not in own["comparator"]
         )
-        if not (audited and comparator == "relaxed"):
-            arms.add((comparator, tutor, 0.0))
+        arms.add((comparator, tutor, 0.0))
         if audited:
             arms.add((comparator, tutor, settings.audit))
     seeds = range(settings.seed, settings.seed + settings.seeds)

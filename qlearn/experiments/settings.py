@@ -194,9 +194,6 @@ class Settings:
         "share of answers that the posterior takes to be given at random (default: it is learned)",
     )
     particles: int = setting(1000, PARTICLES, "the posterior's number of particles")
-    slack: float = setting(
-        0.0, SCALE, "violation allowed the relaxed polytope beyond the least (share of range)"
-    )
     tie: float | None = setting(
         None,
         BELOW_1,
@@ -242,7 +239,7 @@ class AblationSettings(Settings):
         "Q-learning": ("steps", "epsilon", "exploration", "indifference", "close"),
         "value iteration and policy iteration": ("tolerance", "max_sweeps"),
         "Bradley-Terry": ("precision", "n_boot", "level", "refit_growth"),
-        "posterior and relaxed polytope": ("lapse", "particles", "slack"),
+        "posterior": ("lapse", "particles"),
     }  # fmt: skip
 
     problems: tuple[str | Own, ...] = setting(
@@ -260,9 +257,8 @@ class AblationSettings(Settings):
     comparators: tuple[str | Own, ...] = setting(
         _IN_THE_ABLATION,
         NameOrOwn(_FOR_THE_ABLATION, "(k, seed) returns a Comparator"),
-        "always ask; polytope, plain, relaxed and (if named) with one wrong answer; posterior, "
-        "plain and with an indifference; "
-        "Bradley-Terry; your own",
+        "always ask; polytope, plain and (if named) with one wrong answer; posterior, plain and "
+        "with an indifference; Bradley-Terry; your own",
     )
     tutors: tuple[str | Own, ...] = setting(
         (),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from elicit.asking.elicitation import Elicitation
 from elicit.asking.question import Place
-from elicit.decision.comparator_rule import ALWAYS_ASK, NO_ARRAYS, PROOFS, Rule, rule_of, silent
+from elicit.decision.comparator_rule import ALWAYS_ASK, NO_ARRAYS, PROVEN, Rule, rule_of, silent
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.difference_kernel import LEFT_OPEN, UNKNOWN
 from elicit.model.query import Verdict
@@ -242,7 +242,7 @@ class StateSweep:
             rule = (
                 silent()
             )  # the best guess is one of the plausible scales, and is cheaper to look up
-        if n == 1 or rule.kind not in PROOFS:
+        if n == 1 or rule.kind != PROVEN:  # proofs write to the arrays of a rule
             return [rule] * n
         self._copies.extend(_copy(rule) for _ in range(n - len(self._copies)))
         return self._copies[:n]

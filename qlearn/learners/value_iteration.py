@@ -15,7 +15,7 @@ from elicit._support.validation import is_whole, require
 from elicit.asking.elicitation import Elicitation
 from elicit.asking.options import AskingOptions, check_options, filled
 from elicit.asking.question import AnsweredQuery
-from elicit.decision.comparator_rule import PROOFS, rule_of
+from elicit.decision.comparator_rule import PROVEN, rule_of
 from elicit.model.comparator import Comparator, Tier
 from elicit.model.needs import check_needs
 from elicit.model.outcomes import Status
@@ -232,7 +232,7 @@ class InteractiveValueIteration(Learner):
             return Status.UNSURE
         tied = self._elicitation.called_equal
         near = self._elicitation.indifference <= _indifference(self._mdp, self._tolerance)
-        if near and not tied and rule_of(self.comparator).kind in PROOFS:
+        if near and not tied and rule_of(self.comparator).kind == PROVEN:
             return Status.CONVERGED  # each verdict is proven, and so is the policy
         found = loss_bound(self._mdp, self._states.best, self.comparator)
         if not found.loss_bound <= self._tolerance:

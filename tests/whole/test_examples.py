@@ -73,12 +73,12 @@ def test_one_log_serves_three_comparators(tmp_path):
         orders = [
             line.split(";")[0] for line in run.shown.splitlines() if line.startswith("Best first")
         ]
-        assert n == 7
+        assert n == 9
         assert len(orders) == 3
         assert len(set(orders)) == 1
         assert "polytope: knew 0 answers and asked for 5 more." in run.shown
-        assert "relaxed polytope: knew 5 answers and asked for 0 more." in run.shown
-        assert "posterior: knew 5 answers and asked for 2 more." in run.shown
+        assert "polytope, one wrong: knew 5 answers and asked for 4 more." in run.shown
+        assert "posterior: knew 9 answers and asked for 0 more." in run.shown
         assert "do not go together" not in run.shown
 
 

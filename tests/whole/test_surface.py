@@ -136,7 +136,7 @@ def test_the_page_on_tolerances_derives_them_as_the_learners_do():
     training = qlearn.InteractiveTraining(known, discount=0.9, tolerance=0.1)
     assert indifference(training) == pytest.approx(0.1 / 2)
     assert indifference(qlearn.InteractiveQLearning(mdp, known, steps=1)) == 0
-    assert len(re.findall(r"^\| `(\w+)` of `", TOLERANCES, re.MULTILINE)) == 11
+    assert len(re.findall(r"^\| `(\w+)` of `", TOLERANCES, re.MULTILINE)) == 10
     assert (TUNING.matters, TUNING.error, TUNING.close) == (0.5, 0.02, 0.3)
     assert ALLOWANCE == 2
 

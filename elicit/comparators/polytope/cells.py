@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 # rounding
 _OVERLAP = 1e-12
 
+_FLAT = 1e-300  # a variance no larger counts as this
+
 
 class PolytopeCell(NamedTuple):
     """One cell: the scales that fit the answers if those in ``wrong`` are wrong.
@@ -254,7 +256,8 @@ def log_volume(draws: Draws) -> float:
     left = product(spread * draws.weights, spread.T)
     total = 0.0
     for j in range(len(left)):  # Gaussian elimination
-        pivot = max(float(left[j, j]), 1e-300)
-        total += 0.5 * np.log(pivot)
-        left = left - np.outer(left[:, j], left[j]) / pivot
+        pivot = float(left[j, j])
+        total += 0.5 * np.log(max(pivot, _FLAT))
+        if pivot > _FLAT:  # else the draws do not spread this way, and the row is rounding
+            left = left - np.outer(left[:, j], left[j]) / pivot
     return float(np.round(total, 6))

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def least_and_greatest(
-    d: ArrayLike, region: Region, prior: Prior | None, violation: tuple[int, float] | None = None
+    d: ArrayLike, region: Region, prior: Prior | None
 ) -> tuple[cvxpy.Problem, cvxpy.Problem]:
     """Return the problems that minimise and maximise d.e, over a variable e that they share.
 
@@ -31,16 +31,12 @@ def least_and_greatest(
         The margin and the answers' constraints on the gaps (rows whose ``owner`` is at least 0).
     prior : Prior or None
         The prior's inequalities, as they were given.
-    violation : (n, budget), optional
-        The number of answers and their largest total violation. If it is given, a variable
-        "violation" (n,) holds the violation of each answer. All are in the unit of the region's
-        rows. None: answers may not be violated.
 
     Returns
     -------
     least, greatest : cvxpy.Problem
-        Labels are "worst level", "best level", "order", the prior's names, "answer 1", ... and
-        "total violation". Each problem has its own constraints, and so its own dual values.
+        Labels are "worst level", "best level", "order", the prior's names, and "answer 1", ...
+        Each problem has its own constraints, and so its own dual values.
 
     Raises
     ------
@@ -56,7 +52,6 @@ def least_and_greatest(
             f"problems takes one difference of shape ({region.p + 1},), not {len(rows)} of them"
         )
     e = scale_variable(region.p + 1)
-    lacking: Any = None if violation is None else cp.Variable(violation[0], name="violation")
 
     def constraints() -> Iterator[Any]:
         yield (e[0] == 0).set_label("worst level")
@@ -72,15 +67,8 @@ def least_and_greatest(
                 _constant(_along_levels(region.rows[mine[0]])) @ e,
                 float(region.rhs[mine[0]]),
             )
-            if lacking is not None:
-                slack = lacking[int(owner)]
-                said = at + slack >= limit if len(mine) == 1 else cp.norm1(at) <= -limit + slack
-            else:
-                said = at >= limit if len(mine) == 1 else cp.norm1(at) <= -limit
+            said = at >= limit if len(mine) == 1 else cp.norm1(at) <= -limit
             yield said.set_label(f"answer {owner + 1}")
-        if lacking is not None and violation is not None:
-            yield (lacking >= 0).set_label("violations")
-            yield (cp.sum(lacking) <= violation[1]).set_label("total violation")
 
     goal = _constant(rows[0]) @ e
     return cp.Problem(cp.Minimize(goal), [*constraints()]), cp.Problem(

@@ -109,7 +109,7 @@ def test_what_is_no_number_of_levels(k: Any) -> None:
         elicit.PosteriorComparator,
         elicit.AlwaysAsk,
     ]
-    for comparator in [*kinds, elicit.RelaxedPolytopeComparator, elicit.Dominance]:
+    for comparator in [*kinds, elicit.Dominance]:
         with pytest.raises(
             ValueError, match="k, the number of levels, must be a whole number of at least 2, not"
         ):

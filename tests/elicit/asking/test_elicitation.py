@@ -22,7 +22,6 @@ from elicit import (
     InconsistentAnswers,
     PolytopeComparator,
     Query,
-    RelaxedPolytopeComparator,
     Tier,
     TruthfulTutor,
     Verdict,
@@ -190,7 +189,7 @@ def learned(comparator: Any) -> Any:
 
 
 TAUGHT = {name: learned(make(K)) for name, make in COMPARATORS.items()}
-TAUGHT["relaxed"] = learned(RelaxedPolytopeComparator(K, slack=0.1))
+TAUGHT["polytope, one wrong"] = learned(PolytopeComparator(K, wrong=1))
 TAUGHT["of your own"] = Convinced(K).update(Answers(OPEN, [1]))
 
 

@@ -13,7 +13,6 @@ from elicit import (
     FlippingTutor,
     PolytopeComparator,
     PosteriorComparator,
-    RelaxedPolytopeComparator,
     Tier,
     TruthfulTutor,
     Verdict,
@@ -24,12 +23,11 @@ from elicit.testing import check_comparator
 from tests.noisy_cases import pairs
 from tests.thoroughness import OLDER
 
-BOOTSTRAP = partial(BradleyTerryComparator, precision=20.0, n_boot=30)
+BOOTSTRAP = partial(BradleyTerryComparator, precision=20.0, n_boot=30, region="ensemble")
 MADE: dict[str, Callable[[int], Comparator]] = {
     "polytope": PolytopeComparator,
     "polytope, margin 0, prior": lambda k: PolytopeComparator(k, margin=0.0, prior=["e2 >= 0.1"]),
     "polytope, one wrong": partial(PolytopeComparator, wrong=1),
-    "relaxed": partial(RelaxedPolytopeComparator, slack=0.02),
     "posterior": partial(PosteriorComparator, particles=200),
     "ensemble": BOOTSTRAP,
     "ensemble, rescaled": partial(BOOTSTRAP, rescale=True),

@@ -15,7 +15,6 @@ from elicit import (
     Comparator,
     Decisions,
     Dominance,
-    RelaxedPolytopeComparator,
     Tier,
     Verdict,
     decide,
@@ -507,7 +506,7 @@ def test_bounds_row_by_row_stand_in_for_simultaneous_ones():
 
 
 def test_what_answers_would_leave_is_found_on_trial():
-    known = RelaxedPolytopeComparator(4)
+    known = elicit.PosteriorComparator(4, particles=100, seed=0)
     asked, d = np.array([[0, 1, 0, -1.0], [-0.5, 1, 0, -0.5]]), np.array([[0, 1, -0.5, -0.5]])
     left = elicit.parts.bounds_after(known, asked, d, 0.0)
     assert left.shape == (2, 2, 1)

@@ -13,7 +13,6 @@ from elicit import (
     Panel,
     PolytopeComparator,
     PosteriorComparator,
-    RelaxedPolytopeComparator,
 )
 from elicit.model.comparator import offers
 from elicit.model.comparator_parts import OPTIONAL_PARTS
@@ -21,7 +20,6 @@ from elicit.model.needs import check_needs, needs_of, uses
 
 OURS = (
     PolytopeComparator(4),
-    RelaxedPolytopeComparator(4),
     PosteriorComparator(4, seed=0),
     BradleyTerryComparator(4, seed=0),
     OpenOrderComparator(4),

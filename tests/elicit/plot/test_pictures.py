@@ -26,7 +26,6 @@ from elicit import (
     PolytopeComparator,
     PosteriorComparator,
     Query,
-    RelaxedPolytopeComparator,
     TruthfulTutor,
     Verdict,
     plot,
@@ -289,7 +288,7 @@ def test_what_each_comparator_holds_possible_is_drawn_in_its_own_colour():
         assert drawn.get_edgecolor()[:3] == pytest.approx(to_rgb(plot.STYLES[kind]["color"]))
 
     for known, kind in (
-        (BradleyTerryComparator(4, n_boot=20).update(told), "ensemble"),
+        (BradleyTerryComparator(4, n_boot=20, region="ensemble").update(told), "ensemble"),
         (PosteriorComparator(4, particles=50).update(told), "posterior"),
     ):
         (dots,) = plot.plausible(known).collections
@@ -306,9 +305,9 @@ def test_every_comparator_has_a_kind_and_others_their_own_style():
     kinds = [
         (AlwaysAsk(3), "always"),
         (PolytopeComparator(3), "polytope"),
-        (RelaxedPolytopeComparator(3), "relaxed"),
+        (PolytopeComparator(3, wrong=1), "polytope-1-wrong"),
         (PosteriorComparator(3, particles=50), "posterior"),
-        (BradleyTerryComparator(3), "ensemble"),
+        (BradleyTerryComparator(3, region="ensemble"), "ensemble"),
         (BradleyTerryComparator(3, region="box"), "box"),
         (BradleyTerryComparator(3, region="box", rescale=True), "box-rescaled"),
         (Dominance(3), "Dominance"),
@@ -339,7 +338,9 @@ def test_intervals_are_the_bounds(k):
     answers = Answers(d, TruthfulTutor(values).signs(d))
     named = {
         "polytope": PolytopeComparator(k).update(answers),
-        "Bradley-Terry": BradleyTerryComparator(k, n_boot=20, seed=0).update(answers),
+        "Bradley-Terry": BradleyTerryComparator(k, n_boot=20, seed=0, region="ensemble").update(
+            answers
+        ),
         "always ask": AlwaysAsk(k),
         "order": Dominance(k),
     }

@@ -11,7 +11,6 @@ from elicit import (
     Dominance,
     PolytopeComparator,
     PosteriorComparator,
-    RelaxedPolytopeComparator,
     TruthfulTutor,
     simultaneous_bounds,
 )
@@ -126,7 +125,7 @@ def test_bounds_of_many_are_bounds_and_tight_where_they_are_positive(seed, k, ti
     )
     for comparator in (
         PolytopeComparator(k, tie=tie).update(answers),
-        RelaxedPolytopeComparator(k).update(answers),
+        PolytopeComparator(k, wrong=1).update(answers),
     ):
         tight, confidence = simultaneous_bounds(
             comparator, d

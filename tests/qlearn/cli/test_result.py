@@ -11,6 +11,7 @@ import pytest
 
 from elicit import AnswerLog
 from qlearn.cli.main import main
+from qlearn.cli.teach_subjects import taught_again
 from tests.interpreter import ROOT
 
 TABLE = "name,died,ill,well\nold,2,3,5\nnew,3,1,6\nnone,1,8,1\n"
@@ -62,6 +63,13 @@ def test_another_comparator_and_a_log_that_does_not_say_its_problem(
     assert "--problem" in capsys.readouterr().err
     assert main(["result", "none.jsonl"]) == 1
     assert "none.jsonl" in capsys.readouterr().err
+
+
+def test_a_log_of_a_comparator_that_is_no_more_says_what_to_use(log: Path) -> None:
+    recipe = AnswerLog.read(log).header["recipe"] | {"comparator": "relaxed"}
+    advice = r"no comparator 'relaxed': give --comparator posterior, or --comparator polytope-1-wro"
+    with pytest.raises(ValueError, match=advice):
+        taught_again(recipe)
 
 
 def test_a_log_is_shown_in_the_words_of_the_screen(

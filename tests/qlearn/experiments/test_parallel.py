@@ -179,7 +179,7 @@ def test_what_goes_ahead_of_an_ablation() -> None:
         return [part.__name__ for part in parts([cell])]
 
     assert named(comparator="always", learner="value-iteration") == ["sweeps"]
-    assert named(comparator="relaxed", learner="value-iteration") == ["proofs", "sweeps"]
+    assert named(comparator="polytope-1-wrong", learner="value-iteration") == ["proofs", "sweeps"]
     assert named(comparator="posterior-close", learner="q-learning") == ["moves", "loops"]
     assert named(comparator="polytope", learner="policy-iteration") == ["proofs", "certificates"]
     both = [

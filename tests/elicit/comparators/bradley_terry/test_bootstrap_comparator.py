@@ -100,8 +100,12 @@ def test_many_equal_answers_about_one_pair_leave_the_rest_open(region: str) -> N
 def test_answers_of_no_size_teach_nothing() -> None:
     answers, fresh, precision, _ = told(2, 5, 40)
     tiny = Answers(answers.d * 1e-12, answers.y)
-    a = BradleyTerryComparator(5, precision=precision, prior_shape=(1.0, 1.0)).update(tiny)
-    prior = BradleyTerryComparator(5, precision=1e-12, prior_shape=(1.0, 1.0)).update(answers)
+    a = BradleyTerryComparator(
+        5, precision=precision, prior_shape=(1.0, 1.0), region="ensemble"
+    ).update(tiny)
+    prior = BradleyTerryComparator(
+        5, precision=1e-12, prior_shape=(1.0, 1.0), region="ensemble"
+    ).update(answers)
     assert a.converged
     assert np.allclose(a.values, np.linspace(0, 1, 5), atol=1e-6)
     assert np.allclose(a.bounds(fresh), prior.bounds(fresh), atol=1e-6)
@@ -110,7 +114,7 @@ def test_answers_of_no_size_teach_nothing() -> None:
 
 def test_precision_zero_learns_nothing() -> None:
     answers, fresh, _, _ = told(3, 5, 60)
-    a = BradleyTerryComparator(5, precision=0).update(answers)
+    a = BradleyTerryComparator(5, precision=0, region="ensemble").update(answers)
     assert (a.compare(fresh) == Verdict.UNKNOWN).all()
     assert a.converged
     assert a.values == pytest.approx(np.linspace(0, 1, 5))
@@ -139,7 +143,9 @@ def test_separable_answers_without_a_prior_are_no_fit(region: str) -> None:
 
 def test_without_a_prior_many_noisy_answers_still_decide() -> None:
     answers, fresh, precision, e = told(5, 4, 400)
-    a = BradleyTerryComparator(4, precision=precision, prior_strength=0, n_boot=50).update(answers)
+    a = BradleyTerryComparator(
+        4, precision=precision, prior_strength=0, n_boot=50, region="ensemble"
+    ).update(answers)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NotConverged)  # a resample or two may still be separable
         verdicts = a.compare(fresh)
@@ -218,8 +224,11 @@ def test_a_pair_answered_both_ways_a_thousand_times_stays_open(region: str) -> N
 
 def test_a_tie_means_what_the_tutor_may_call_equal_and_nothing_where_she_does_not() -> None:
     answers, fresh, precision, e = told(6, 5, 200)
-    sharp, wide = (BradleyTerryComparator(5, precision=precision, tie=tie) for tie in (0.0, 0.02))
-    assert BradleyTerryComparator(5).tie == 0.01
+    sharp, wide = (
+        BradleyTerryComparator(5, precision=precision, tie=tie, region="ensemble")
+        for tie in (0.0, 0.02)
+    )
+    assert (BradleyTerryComparator(5).tie, BradleyTerryComparator(5).region) == (0.01, "box")
     assert same(sharp.update(answers), wide.update(answers), fresh)
     y = np.where(np.abs(answers.d @ e) < 0.02, 0, answers.y)
     assert 5 < (y == 0).sum() < 50
@@ -230,9 +239,9 @@ def test_a_tie_means_what_the_tutor_may_call_equal_and_nothing_where_she_does_no
         tail_sums(answers.d), y, precision=precision, centre=np.full((1, 4), 0.25),
         strength=0.3 * 16, tie=0.02
     ).gamma[0]  # fmt: skip
-    late = BradleyTerryComparator(5, precision=precision, tie=0.02, refit_growth=0).update(
-        told_equal
-    )
+    late = BradleyTerryComparator(
+        5, precision=precision, tie=0.02, refit_growth=0, region="ensemble"
+    ).update(told_equal)
     assert late.values[1:] == pytest.approx(np.cumsum(fitted) / fitted.sum(), abs=1e-9)
     # she who calls equal what is close is thought to see more than under the sharp model
     assert b.draws is not None
@@ -308,7 +317,7 @@ def test_few_of_the_decided_are_wrong(k: int, n: int, alpha: float) -> None:
 
 def test_the_estimate_approaches_the_scale() -> None:
     answers, _, precision, e = told(8, 5, 3000)
-    a = BradleyTerryComparator(5, precision=precision, n_boot=20).update(answers)
+    a = BradleyTerryComparator(5, precision=precision, n_boot=20, region="ensemble").update(answers)
     assert np.abs(a.values - e).max() < 0.06
 
 
@@ -401,6 +410,7 @@ def test_intervals_are_percentiles_of_fits_to_resamples(
         level=level,
         seed=5,
         rescale=rescale,
+        region="ensemble",
     )
     fitted = partial(fit, t, answers.y, precision=precision, strength=0.3 * p**2)
     point = fitted(centre=np.full((1, p), 1 / p)).gamma
@@ -430,7 +440,7 @@ def test_it_speaks_up_from_the_least_number_of_answers_on(least: int) -> None:
     answers, fresh, precision, _ = told(1, 5, 12)
     for n in (least - 1, least):
         a = BradleyTerryComparator(
-            5, precision=precision, min_answers=least, refit_growth=0.0
+            5, precision=precision, min_answers=least, refit_growth=0.0, region="ensemble"
         ).update(answers[:n])
         assert (a.draws is not None) == (n >= least)
         assert (a.bounds(fresh)[0] > order_bounds(tail_sums(fresh), 0.0)[0]).any() == (n >= least)
@@ -491,11 +501,15 @@ def test_refits_follow_the_schedule() -> None:
             min(p for p in points if p > n) for n in range(390)
         ]
     answers, fresh, precision, _ = told(13, 5, 100)
-    a = BradleyTerryComparator(5, precision=precision, n_boot=10).update(answers)
+    a = BradleyTerryComparator(5, precision=precision, n_boot=10, region="ensemble").update(answers)
     assert a.fitted_answers == 97
     assert a.answers_to_next_step == 2  # 97 + ceil(4.85) = 102
     assert same(
-        a, BradleyTerryComparator(5, precision=precision, n_boot=10).update(answers[:97]), fresh
+        a,
+        BradleyTerryComparator(5, precision=precision, n_boot=10, region="ensemble").update(
+            answers[:97]
+        ),
+        fresh,
     )
 
 
@@ -503,7 +517,9 @@ def test_the_same_seed_gives_the_same_result() -> None:
     answers, fresh, precision, _ = told(14, 5, 30)
 
     def make(seed: Any) -> BradleyTerryComparator:
-        return BradleyTerryComparator(5, precision=precision, seed=seed).update(answers)
+        return BradleyTerryComparator(5, precision=precision, seed=seed, region="ensemble").update(
+            answers
+        )
 
     made = make(3)
     made.values[:] = 7.0  # a copy
@@ -512,7 +528,7 @@ def test_the_same_seed_gives_the_same_result() -> None:
     assert same(make(np.random.SeedSequence(1)), make(np.random.SeedSequence(1)), fresh)
     assert not same(make(3), make(4), fresh)
     assert (make(3).values == make(4).values).all()  # the point estimate is not resampled
-    drawn = BradleyTerryComparator(5, seed=np.random.default_rng(1))
+    drawn = BradleyTerryComparator(5, seed=np.random.default_rng(1), region="ensemble")
     assert drawn.update(answers).seed == drawn.seed
 
 

@@ -267,3 +267,12 @@ def test_a_volume_is_that_of_the_scatter_wherever_the_set_lies() -> None:
     assert whole == pytest.approx(0.5 * np.linalg.slogdet(np.cov(gaps[:3], bias=True))[1], abs=1e-5)
     half = log_volume(Draws(0.5 * gaps + 0.1, weights, np.full(200, np.inf)))
     assert half == pytest.approx(whole - 3 * np.log(2), abs=1e-5)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.5, 0.8])
+def test_a_set_that_is_flat_in_one_direction_has_next_to_no_volume(share: float) -> None:
+    gaps, weights = np.random.default_rng(0).dirichlet(np.ones(5), 200).T, np.full(200, 1 / 200)
+    whole = log_volume(Draws(gaps, weights, np.full(200, np.inf)))
+    gaps[1] = share * gaps[0]  # what elimination leaves of it is rounding, of either sign
+    with np.errstate(all="raise"):
+        assert log_volume(Draws(gaps, weights, np.full(200, np.inf))) < whole - 10
