@@ -161,9 +161,8 @@ def plot_ablation(
         handles=handles, loc="outside lower center", ncols=columns, frameon=False, handlelength=3.2
     )
     title = (
-        "What each comparator costs: questions to the tutor, and policy loss against the optimal "
-        "policy under the "
-        "hidden values, for each learner alike (share of the value range); lower is better"
+        "What each comparator costs: questions to the tutor, and true policy loss under the hidden "
+        "values (share of the value range); lower is better"
     )
     many = len(learners) > 1
     lines = [textwrap.fill(title, 50 * len(learners) if many else 64), _means_of(plain.runs, seeds)]

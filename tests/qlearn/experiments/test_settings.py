@@ -33,7 +33,7 @@ from qlearn.paper.figure_runs import figures
         ("tolerance", math.nan, "tolerance must be a number strictly between 0 and 1, not nan"),
         ("tolerance", math.inf, "tolerance must be a number strictly between 0 and 1, not inf"),
         ("precision", 10**400, "precision must be a number of at least 0, not 1000"),
-        ("slack", "0", "slack must be a number of at least 0, not '0'"),
+        ("refit_growth", "0", "refit_growth must be a number of at least 0, not '0'"),
         ("discount", 1.0, "discount must be a number of at least 0 and below 1, not 1.0"),
         ("level", 0.0, "level must be a number strictly between 0 and 1, not 0.0"),
         ("audit", 1.1, "audit must be a number from 0 to 1, not 1.1"),
