@@ -54,14 +54,19 @@ def examples(slow: int) -> settings:
     return settings(max_examples=max(5, slow * settings.default.max_examples // 100), deadline=None)
 
 
-def quick_first(values: Iterable[Any], quick: int, older: int | None = None) -> list[Any]:
+def quick_first(
+    values: Iterable[Any], quick: int, older: int | None = None, names: int = 1
+) -> list[Any]:
     """Return a test's parameters, all but the first ``quick`` of them marked as slow.
 
-    As on an older processor these are all but the first ``older``, if that is given.
+    As on an older processor these are all but the first ``older``, if that is given. If the test
+    has several ``names`` for them, each value is a tuple of so many.
     """
     quick = older if OLDER and older is not None else quick
     return [
-        value if i < quick else pytest.param(value, marks=pytest.mark.slow)
+        value
+        if i < quick
+        else pytest.param(*(value if names > 1 else [value]), marks=pytest.mark.slow)
         for i, value in enumerate(values)
     ]
 

@@ -390,7 +390,10 @@ def outer_quantiles(scores: Floats, level: float) -> tuple[Floats, Floats]:
 @pytest.mark.parametrize(
     ("m", "level"),
     quick_first(
-        [(100, 0.95), (39, 0.95), (200, 0.95), (40, 0.95), (50, 0.6), (100, 0.9)], 6, older=2
+        [(100, 0.95), (39, 0.95), (200, 0.95), (40, 0.95), (50, 0.6), (100, 0.9)],
+        6,
+        older=2,
+        names=2,
     ),
 )
 @pytest.mark.parametrize("rescale", [False, True])

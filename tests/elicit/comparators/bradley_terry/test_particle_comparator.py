@@ -109,6 +109,7 @@ def assert_sane(c: PosteriorComparator, least: float = 0.05) -> None:
         ],
         8,
         older=3,
+        names=3,
     ),
 )
 def test_it_keeps_the_contract(k: int, n: int, settings: dict[str, Any]) -> None:
