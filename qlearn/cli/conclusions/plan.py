@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -87,6 +87,7 @@ def policy_conclusion(
             f" Your answers do not decide {undecided} of {live} {told.states}: there the plan "
             f"keeps what is best with {_STEPS}."
         )
+    why = _reasons(told, result, found)
     return Conclusion(
         headline=headline,
         size=size_and_end(told, bound, _SHORT, result.confidence),
@@ -94,9 +95,9 @@ def policy_conclusion(
         next=after,
         more=more,
         before=unasked,
-        changes=_changes(told, mdp, action_words, result, found),
+        changes=_changes(told, mdp, action_words, result, found, why),
         plan=_plan(told, mdp, action_words, result, found),
-        result=_whole_policy(told, mdp, action_words, result, found),
+        result=_whole_policy(told, mdp, action_words, found, why),
         settled=settled,
         early=f"{_within(bound, so_far=True)} Your answers are not checked yet.",
     )
@@ -144,9 +145,12 @@ def _changes(
     action_words: Callable[[int], str],
     result: Result,
     found: DecidedPlan,
+    why: Mapping[int, str],
 ) -> ResultTable:
-    """Return the states in which the answers change the action, and those that they leave open."""
-    why = _reasons(told, result, found)
+    """Return the states in which the answers change the action, and those that they leave open.
+
+    ``why`` has a reason for each of these states.
+    """
     live, n = int(np.count_nonzero(~mdp.terminal)), int(found.holds.sum())
     rest = len(found.states) - n
     some = ""
@@ -243,11 +247,11 @@ def _whole_policy(
     told: InWords,
     mdp: OrdinalMDP,
     action_words: Callable[[int], str],
-    result: Result,
     found: DecidedPlan,
+    why: Mapping[int, str],
 ) -> ResultTable:
     """Return the action in every state that is not terminal, as a table to download."""
-    change, leaning, why = found.certain, found.leaning, _reasons(told, result, found)
+    change, leaning = found.certain, found.leaning
     words = {True: "certain", False: "not decided", None: "none"}
     rows = tuple(
         (
