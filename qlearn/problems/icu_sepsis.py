@@ -108,7 +108,11 @@ def _expect(holds: object, claim: str) -> None:
         )
 
 
-def _assets() -> Path:
+def assets() -> Path:
+    """Return the folder of the tables in the package ``icu-sepsis``.
+
+    Raises ImportError if the package is missing.
+    """
     # find_spec does not run the package, whose __init__ imports the abandoned gym
     spec = find_spec("icu_sepsis")
     if spec is None or not spec.submodule_search_locations:
@@ -120,7 +124,7 @@ def _assets() -> Path:
 
 def _tables() -> list[Floats]:
     """Return the tables listed in ``_SHAPES``."""
-    path = _assets() / "dynamics.npz"
+    path = assets() / "dynamics.npz"
     _expect(path.is_file(), f"{path} exists")
     tables: list[Floats] = []
     with np.load(path, allow_pickle=False) as data:
@@ -136,7 +140,7 @@ def _admissible() -> Flags:
 
     The file's first line counts each state's actions. Then a line for each state names them.
     """
-    path = _assets() / "admissible_actions.txt"
+    path = assets() / "admissible_actions.txt"
     _expect(path.is_file(), f"{path} exists")
     counts, *rows = [
         [int(word) for word in line.split()] for line in path.read_text("ascii").splitlines()

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from importlib.util import find_spec
-from pathlib import Path
 
 import numpy as np
 
 from elicit.model.scale import Floats
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn.problems.icu_sepsis import assets
 
 # The order of the measurements is that of the AI Clinician's code (Komorowski and others, 2018).
 # The score at place 31 is the state's SOFA score in other units, as a test checks.
@@ -59,11 +58,7 @@ def _shares() -> tuple[Floats, Floats]:
     They die if they are treated as the doctors did, by the benchmark's model. Reading the tables
     takes half a second.
     """
-    spec = find_spec("icu_sepsis")
-    assert spec is not None  # the MDP was made of the same tables
-    assert spec.submodule_search_locations
-    path = Path(spec.submodule_search_locations[0]) / "envs" / "assets" / "dynamics.npz"
-    with np.load(path, allow_pickle=False) as data:
+    with np.load(assets() / "dynamics.npz", allow_pickle=False) as data:
         moves, treated = data["tx_mat"], data["expert_policy"]
         centres = data["state_cluster_centers"]
     died = len(moves) - 3  # the last three states are death, recovery, and what follows them
