@@ -112,3 +112,21 @@ def main_by_seeds(
     count, made_of = getattr(given, name), stamps.sources(program)
     parts = report(count, jobs=given.jobs, journal=given.journal, own=lambda cell: (made_of, {}))
     publish(parts, given.out, f"{first}-{first + count - 1}")
+
+
+def main_of_people(
+    program: str,
+    report: Callable[[Path, bool], Iterable[list[str]]],
+    seeds: str,
+    arguments: Sequence[str] | None,
+) -> None:
+    """Print the report of a program about answers of people; ``--out`` also writes it."""
+    parser = argparse.ArgumentParser(
+        f"python -m {program}",
+        description=(sys.modules[report.__module__].__doc__ or "").splitlines()[0],
+    )
+    parser.add_argument("folder", type=Path, help="of the tables that are not shipped")
+    parser.add_argument("--out", type=Path, help="the page to write")
+    parser.add_argument("--quick", action="store_true", help="few people and draws: rough figures")
+    given = parser.parse_args(arguments)
+    publish(report(given.folder, given.quick), given.out, seeds)

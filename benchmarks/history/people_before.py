@@ -8,7 +8,6 @@ clone with the project's history.
 
 from __future__ import annotations
 
-import argparse
 import os
 import subprocess
 import sys
@@ -36,7 +35,7 @@ from benchmarks.people.choices import (
     shown,
 )
 from benchmarks.people.gains import LEVELS, SEED, answers_of, gain
-from benchmarks.reporting import machine, markdown, publish
+from benchmarks.reporting import machine, main_of_people, markdown
 from benchmarks.stamps import ROOT
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.model.pairs import pair_numbers
@@ -62,14 +61,7 @@ class Older(NamedTuple):
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command."""
-    parser = argparse.ArgumentParser(
-        "python -m benchmarks.history.people_before", description=(__doc__ or "").splitlines()[0]
-    )
-    parser.add_argument("folder", type=Path, help="of the tables that are not shipped")
-    parser.add_argument("--out", type=Path, help="the page to write")
-    parser.add_argument("--quick", action="store_true", help="few people: rough figures")
-    given = parser.parse_args(arguments)
-    publish(report(given.folder, given.quick), given.out, f"{SEED}")
+    main_of_people("benchmarks.history.people_before", report, f"{SEED}", arguments)
 
 
 def report(folder: Path, quick: bool = False) -> Iterator[list[str]]:

@@ -5,7 +5,6 @@ Needs the folder with the tables that are not shipped; docs/people.md says what 
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -26,7 +25,7 @@ from benchmarks.people.choices import (
     over_people,
     shown,
 )
-from benchmarks.reporting import machine, markdown, publish
+from benchmarks.reporting import machine, main_of_people, markdown
 from elicit.model.scale import Floats
 from elicit.people.experiments import lottery_choices, repeated_gambles
 from elicit.tutors.answer_log import AnswerLog
@@ -42,15 +41,9 @@ SEED = 0
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command."""
-    parser = argparse.ArgumentParser(
-        "python -m benchmarks.people.answers_of_people",
-        description=(__doc__ or "").splitlines()[0],
+    main_of_people(
+        "benchmarks.people.answers_of_people", report, f"{SEED}, halves by {SPLIT_SEED}", arguments
     )
-    parser.add_argument("folder", type=Path, help="of the tables that are not shipped")
-    parser.add_argument("--out", type=Path, help="the page to write")
-    parser.add_argument("--quick", action="store_true", help="few people and draws: rough figures")
-    given = parser.parse_args(arguments)
-    publish(report(given.folder, given.quick), given.out, f"{SEED}, halves by {SPLIT_SEED}")
 
 
 def report(folder: Path, quick: bool = False) -> Iterator[list[str]]:

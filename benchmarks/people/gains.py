@@ -7,7 +7,6 @@ Needs the folder with the tables that are not shipped; docs/people.md says what 
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -28,7 +27,7 @@ from benchmarks.people.choices import (
     over_people,
     shown,
 )
-from benchmarks.reporting import machine, markdown, publish
+from benchmarks.reporting import machine, main_of_people, markdown
 from elicit.asking.choose_from_list import choose
 from elicit.comparators.bradley_terry.earlier_people import EarlierPeople
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
@@ -48,14 +47,7 @@ ANSWERS_BEFORE = 60  # of each earlier person of the repeated gambles
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command."""
-    parser = argparse.ArgumentParser(
-        "python -m benchmarks.people.gains", description=(__doc__ or "").splitlines()[0]
-    )
-    parser.add_argument("folder", type=Path, help="of the tables that are not shipped")
-    parser.add_argument("--out", type=Path, help="the page to write")
-    parser.add_argument("--quick", action="store_true", help="few people and draws: rough figures")
-    given = parser.parse_args(arguments)
-    publish(report(given.folder, given.quick), given.out, f"{SEED}")
+    main_of_people("benchmarks.people.gains", report, f"{SEED}", arguments)
 
 
 def report(folder: Path, quick: bool = False) -> Iterator[list[str]]:
