@@ -63,8 +63,10 @@ def after_little_loss(nearly: NearlyEnough, to_come: tuple[int, int] | None) -> 
     """
     more = "You can stop here, or be asked more."
     if to_come is not None and to_come[1] > 0:
-        number = f"{to_come[0]} to {to_come[1]}" if to_come[0] < to_come[1] else f"{to_come[1]}"
-        number = f"up to about {to_come[1]}" if to_come[0] == 0 else f"about {number}"
+        least, most = to_come
+        number = f"about {least} to {most}" if least < most else f"about {most}"
+        if least == 0:
+            number = f"up to about {most}"
         more = f"You can stop here, or be asked more: {number} until the result is settled."
     return {
         "heading": nearly.heading,
