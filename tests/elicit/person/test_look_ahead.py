@@ -32,9 +32,9 @@ K = 5
 LEVELS = tuple("abcde")
 SUBJECT = Subject(LEVELS, least=0)
 VECTORS = (
-    np.random.default_rng(0).multinomial(20, np.ones(K) / K, scaled(12, 14)).astype(float)
+    np.random.default_rng(0).multinomial(20, np.ones(K) / K, 14).astype(float)
 )  # whole numbers can be shown
-MDP = random_mdp(scaled(8, 12), 3, K, discount=0.9, seed=3)[0]
+MDP = random_mdp(12, 3, K, discount=0.9, seed=3)[0]
 VALUES = [0, 10, 11, 40, 99]
 
 
