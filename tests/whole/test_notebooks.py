@@ -321,6 +321,8 @@ def test_it_opens_with_question_answer_and_picture_and_the_answers_numbers_are_i
         "Answer",
         "Picture",
     ]
+    told = [part for part in opening.split("\n\n") if part.startswith("**")]
+    assert sum(len(part.splitlines()) for part in told) <= 5
     answer = opening.split("**Answer.**")[1].split("**Picture.**")[0]
     answer = re.sub(r"\([^)]* \d{4}\)|`[^`]*`", "", answer)  # but for references and names
     shown = re.sub(r"<[^>]*>", " ", json.dumps(said(notebook)))
