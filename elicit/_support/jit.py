@@ -159,6 +159,8 @@ class Compiled:
         update_wrapper(self, function)
         self._function, self.machine, self._place = function, machine, place
         self._spent, self._lasts = 0.0, False
+        # types of arguments for which no machine code was found, and how much there was then
+        self._not_kept: dict[tuple[Any, ...], int] = {}
 
     def __call__(self, *arguments: Any) -> Any:
         if _settings.DISABLE_JIT:
@@ -166,13 +168,16 @@ class Compiled:
         if self._lasts or not self.patient:
             return self.machine(*arguments)
         if self._may_be_kept or self.machine.overloads:  # on the disk, or for another function
-            _here.only_kept = True
-            try:
-                return self.machine(*arguments)
-            except _NotKept:
-                pass
-            finally:
-                _here.only_kept = False
+            kinds = tuple(map(self.machine.typeof_pyval, arguments)) if self._not_kept else ()
+            if self._not_kept.get(kinds) != len(self.machine.overloads):
+                _here.only_kept = True
+                try:
+                    return self.machine(*arguments)
+                except _NotKept:
+                    kinds = kinds or tuple(map(self.machine.typeof_pyval, arguments))
+                    self._not_kept[kinds] = len(self.machine.overloads)
+                finally:
+                    _here.only_kept = False
         begun = thread_time()
         result = self._interpreted(arguments)
         self._spent += thread_time() - begun

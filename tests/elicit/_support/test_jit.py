@@ -477,3 +477,28 @@ def test_numbers_in_a_call_make_no_version_where_all_is_compiled_first(tmp_path:
     (tmp_path / "caller.py").write_text(NUMBERS_IN_A_CALL)
     code = "from caller import caller, helper; print(caller(1), len(helper.machine.signatures))"
     assert run(code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "kept"))[-1] == "3 1"
+
+
+def test_what_the_disk_does_not_have_is_looked_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jit.Compiled, "patient", True)
+
+    class Machine:
+        """A dispatcher with machine code for other arguments only, which counts the searches."""
+
+        def __init__(self) -> None:
+            self.overloads, self.searched = {"others": 1}, list[object]()
+
+        def typeof_pyval(self, value: object) -> type:
+            return type(value)
+
+        def __call__(self, value: object) -> None:
+            self.searched.append(value)
+            raise jit._NotKept
+
+    machine = Machine()
+    twice = jit.Compiled(lambda value: 2 * value, machine, None)
+    assert [twice(value) for value in (1, 2, 1.5, 3)] == [2, 4, 3.0, 6]
+    assert machine.searched == [1, 1.5]
+    machine.overloads["more"] = 1  # perhaps for these arguments
+    assert [twice(4), twice(5)] == [8, 10]
+    assert machine.searched == [1, 1.5, 4]
