@@ -25,7 +25,7 @@ from elicit.person.course.choices import Choices
 from elicit.person.course.conduct import AGAIN, LEAST_CHECKS, ORDER, Conduct
 from elicit.person.course.consequences import Consequences
 from elicit.person.course.forecast import QuestionsLeft, Stated
-from elicit.person.course.level_questions import LEVEL, questions_left
+from elicit.person.course.level_questions import FURTHER, LEVEL, questions_left
 from elicit.person.course.offers import nearly_from
 from elicit.person.course.pace import Pace
 from elicit.person.drawing import MINUTES, Drawing
@@ -39,7 +39,6 @@ _CHECK = (
     "answer as before, the result stays as it is."
 )
 _ORDER = "This question checks that you see the levels in the order in which they are listed."
-_FURTHER = "This question makes sure that the result does not depend on too few answers."
 _FEWEST = (
     "“At least {n} more” are the answers and checks without which no result is called settled."
 )
@@ -472,7 +471,7 @@ class Beside(Closing):
         now = self._beside
         outlook = now.outlook if now is not None and now.shown == id else None
         if outlook is None:
-            why = [_FURTHER] if id.startswith(LEVEL) and not self._chosen.more else []
+            why = [FURTHER] if id.startswith(LEVEL) and not self._chosen.more else []
             why = [_CHECK] if id.endswith(AGAIN) else why
             return {
                 "id": id,

@@ -12,19 +12,18 @@ from elicit.model.comparator import Comparator, bounds_of
 from elicit.model.comparator_parts import best_guess, trusted_share, unordered_of, wrong_of
 from elicit.model.difference import tail_sums
 from elicit.model.outcomes import assumed_of_answers
+from elicit.person.course.conclusion import listed
 from elicit.person.showing import printable
 from elicit.tutors.answer_log import Entry
 
 _WIDE = 20.0
 """Width of a range, of 100, up to which a best guess is always shown."""
+_FEW = 3  # levels that are named in a sentence
 _MOST_OF_ROOM = 1 / 3  # share of the room between the neighbours that a wider range may cover
 
-_NOT_KNOWN = "“Not known yet” (dashed): no answer is about it, or none narrows its range."
-_ROUGHLY = "“Only roughly” (dashed): the answers about it leave a wide range."
-_ROUGHLY_FOR_SLIPS = (
-    "“Only roughly” (dashed): any one answer may be a slip, so the range stays wide until more "
-    "answers agree. Repeated questions check your answers, and do not narrow it."
-)
+_NOT_KNOWN = "“Not known yet” (no dot): no answer is about it, or none narrows its range."
+_ROUGHLY = "“About” (hollow dot): this best guess is not exact yet."
+_FOR_SLIPS = "Any one answer may be a slip, so a range stays wide until several answers agree."
 OVERLAP = (
     "Ranges may overlap although the order is fixed: wherever two levels lie in their ranges, the "
     "better one is never worth less."
@@ -44,7 +43,8 @@ class ScaleRow(NamedTuple):
     better one.
 
     ``rough`` is True if the level is not ``known``, but answers are about it and its interval is
-    less than the whole scale: "only roughly", where another level is "not known yet".
+    less than the whole scale. Its best guess is "about" 75, where that of another level is "not
+    known yet".
     """
 
     label: str
@@ -60,30 +60,30 @@ def guess_in_words(value: float, known: bool, rough: bool) -> str:
     """Return the best guess of a row as it is shown, or words in its place."""
     if known:
         return f"{value:.0f}"
-    return "only roughly" if rough else "not known yet"
+    return f"about {value:.0f}" if rough else "not known yet"
 
 
 def scale_notes(rows: Sequence[ScaleRow], comparator: Comparator, settled: bool) -> list[str]:
-    """Return sentences beside the rows of a comparator: on levels without a best guess, and order.
+    """Return sentences beside the rows of a comparator: on wide ranges, and on the order.
 
-    ``settled`` is True if the result is settled and the person could still answer more.
+    ``settled`` is True if the result is settled.
     """
     hollow = [row for row in rows if not row.known]
     notes = []
     if not all(row.rough for row in hollow):
         notes.append(_NOT_KNOWN)
     if any(row.rough for row in hollow):
-        slips = trusted_share(comparator) is not None or wrong_of(comparator) > 0
-        notes.append(_ROUGHLY_FOR_SLIPS if slips else _ROUGHLY)
+        notes.append(_ROUGHLY)
+        if trusted_share(comparator) is not None or wrong_of(comparator) > 0:
+            notes.append(_FOR_SLIPS)
     if hollow:
-        those, it = ("this level", "it") if len(hollow) == 1 else ("these levels", "them")
-        allows = f"The result allows for all that is still possible for {those}"
-        notes.append(
-            f"{allows}, and does not need to know {it} more exactly. If you want to know {it} all "
-            "the same, answer more questions."
-            if settled
-            else f"{allows}."
+        it = "it" if len(hollow) == 1 else "them"
+        those = (
+            listed([f"“{row.label}”" for row in hollow]) if len(hollow) <= _FEW else "these levels"
         )
+        allows = f"The result allows for all that is still possible for {those}"
+        needs = f", and does not need to know {it} more exactly" if settled else ""
+        notes.append(f"{allows}{needs}.")
     if overlap(rows):
         notes.append(OVERLAP)
     return notes
@@ -175,5 +175,5 @@ def certainty(comparator: Comparator, whose: str = "your") -> str:
     return (
         assumed_of_answers(wrong_of(comparator), whose)
         if level is None
-        else f"with {level:.0%} probability each"
+        else f"with {level:.0%} probability at each end"
     )

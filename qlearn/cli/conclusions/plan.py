@@ -15,8 +15,8 @@ from elicit.person.course.conclusion import (
     Conclusion,
     NearlyEnough,
     ResultTable,
-    no_more,
     per_hundred,
+    up_to,
     with_probability,
 )
 from elicit.person.showing import printable
@@ -76,8 +76,8 @@ def policy_conclusion(
     unasked = (
         ""
         if before is None
-        else f"Before your first answer the plan could have fallen {per_hundred(before)} short"
-        f"{no_more(result.confidence)}."
+        else f"Without your answers the plan could have lost {up_to(before, result.confidence)}: "
+        f"{told.loss(before)}."
     )
     mdp, undecided = plans.mdp, len(found.leaning)
     open_still = ""
@@ -132,9 +132,10 @@ def _reasons(told: InWords, result: Result, found: DecidedPlan) -> dict[int, str
         if matters[level] > 0 >= product(more, steps):
             grows = "more" if more[level] > 0 else "less"
             sure = low[level] > steps[level] or high[level] < steps[level]
+            name, probably = printable(told.labels[level]), "" if sure else " probably"
             why[state] = (
-                f"{grows} “{printable(told.labels[level])}”, which you "
-                f"{'value' if sure else 'probably value'} {grows} than {100 * steps[level]:.0f}"
+                f"{grows} “{name}”, which you{probably} value {grows} than the "
+                f"{100 * steps[level]:.0f} of equal steps"
             )
     return why
 
@@ -165,10 +166,7 @@ def _changes(
         title = f"Your answers do not change the {told.plan}"
     if n and rest:
         some += f" In {rest} more your answers may change it, but do not decide it."
-    why_note = (
-        " “Why” names the level that matters most by the best guess, and its value with equal "
-        "steps."
-    )
+    why_note = " “Why” names the level that matters most by the best guess."
     certain, perhaps = (
         tuple(
             (
@@ -189,16 +187,19 @@ def _changes(
         ("State", "In the plan (equal steps)", "Perhaps better", "Why"),
         perhaps,
         "Another action is better here by the best guess of your values, but not for all values "
-        "that fit your answers. So the plan keeps the action that is best with equal steps. More "
-        "answers may decide for either."
-        + (" It matters too little to ask more." if _bound(found) <= told.tolerance else ""),
+        "that fit your answers. So the plan keeps the action that is best with equal steps. "
+        + (
+            "More answers may decide for either, but the result is settled without."
+            if _bound(found) <= told.tolerance
+            else "More answers may decide for either."
+        ),
         "undecided state",
     )
     return ResultTable(
         title,
         ("State", "With equal steps", "With your values", "Why"),
         certain,
-        f"Compared with {_STEPS}.{some}{why_note if why else ''} {told.legend}",
+        f"Compared with {_STEPS}.{some}{why_note if why else ''}\n{told.legend}".strip(),
         open=not_decided if rest else None,
     )
 
@@ -283,10 +284,10 @@ def policy_stakes(told: InWords, result: Result) -> str | None:
         return None
     if result.loss_bound < NO_LOSS:
         return _within(result.loss_bound, so_far=True)
-    most, sure = per_hundred(result.loss_bound), no_more(result.confidence)
+    most = up_to(result.loss_bound, result.confidence)
     return (
-        f"So far the best guess of your plan could fall {most} short of your ideal plan{sure}. "
-        f"That is {told.loss(result.loss_bound)}. {until(told)}"
+        f"So far the best guess of your plan could fall short of your ideal plan by {most}: "
+        f"{told.loss(result.loss_bound)}. {until(told)}"
     )
 
 

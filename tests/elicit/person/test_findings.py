@@ -57,15 +57,15 @@ def test_rows_after_one_answer_say_what_is_known_and_that_ranges_overlap() -> No
 
 @pytest.mark.parametrize(
     ("known", "rough", "said"),
-    [(True, False, "41"), (False, True, "only roughly"), (False, False, "not known yet")],
+    [(True, False, "41"), (False, True, "about 41"), (False, False, "not known yet")],
 )
-def test_a_level_without_a_best_guess_has_words_in_its_place(
+def test_a_best_guess_that_is_not_exact_or_not_known_is_said_to_be(
     known: bool, rough: bool, said: str
 ) -> None:
     assert guess_in_words(40.6, known, rough) == said
 
 
-def test_a_wide_range_after_answers_is_called_rough_and_the_reason_is_said() -> None:
+def test_a_best_guess_in_a_wide_range_is_called_inexact_and_the_reason_is_said() -> None:
     """The posterior allows for a slip in any answer, so two of them leave a wide range."""
     log, rows = AnswerLog(k=4), []
     for n, (share, verdict) in enumerate([(0.4, Verdict.WORSE), (0.3, Verdict.WORSE)]):
@@ -78,17 +78,19 @@ def test_a_wide_range_after_answers_is_called_rough_and_the_reason_is_said() -> 
     assert (ill.asked, ill.known, ill.rough) == (True, False, True)
     assert (ill.low, ill.high) != (0, 100)
     notes = " ".join(scale_notes(found, comparator, settled=True))
-    assert "“Not known yet” (dashed): no answer is about it" in notes  # fair
-    assert "“Only roughly” (dashed): any one answer may be a slip" in notes
-    assert "The result allows for all that is still possible for these levels" in notes
-    assert "and does not need to know them more exactly" in notes
+    assert "“Not known yet” (no dot): no answer is about it" in notes  # fair
+    assert (
+        "“About” (hollow dot): this best guess is not exact yet. Any one answer may be a" in notes
+    )
+    assert "The result allows for all that is still possible for “fair” and “ill”, and" in notes
+    assert "does not need to know them more exactly" in notes
     without = [row for row in found if row.label != "fair"]
     notes = " ".join(scale_notes(without, comparator, settled=True))
     assert "Not known yet" not in notes
-    assert "The result allows for all that is still possible for this level" in notes
-    assert "and does not need to know it more exactly" in notes
+    assert "The result allows for all that is still possible for “ill”, and" in notes
+    assert "does not need to know it more exactly" in notes
     notes = " ".join(scale_notes(without, PolytopeComparator(4), settled=False))
-    assert "“Only roughly” (dashed): the answers about it leave a wide range." in notes
+    assert "“About” (hollow dot): this best guess is not exact yet. The result" in notes
     assert notes.count("does not need") == notes.count("slip") == 0
 
 

@@ -107,7 +107,7 @@ class Careless(io.StringIO):
         """Answer what stands last; at the end, end the input."""
         since = self._shown()
         self.text += since
-        later = re.search(r"(\d+): (Keep them all|Keep it|Go on as before)", since)
+        later = re.search(r"(\d+): (Keep them all|Keep both|Keep it|Go on as before)", since)
         if later:
             return f"{later[1]}\n"
         return "" if "Enter: what was learned" in since else "a\n"
@@ -481,7 +481,7 @@ def test_the_practice_question_says_what_most_would_say(
     table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     said = [taught(f"{key}\n", monkeypatch, capsys, table)[1] for key in "ab"]
-    assert sum("Right. Now the real questions." in text for text in said) == 1
+    assert sum("That is how it works. Now the real questions." in text for text in said) == 1
     assert (
         sum(
             bool(re.search("Most people choose [AB], because everyone in it", text))
@@ -502,7 +502,7 @@ def test_after_a_slip_the_practice_question_can_be_tried_again(
     text = taught(f"{wrong}\nu\n{right}\nu\n", monkeypatch, capsys, table)[1]
     assert text.count("u: try again") == 1
     assert text.count("Practice question: your answer is not saved.") == 2
-    assert text.count("Right. Now the real questions.") == 1
+    assert text.count("That is how it works. Now the real questions.") == 1
     assert text.count("There is no answer to take back.") == 1  # after the right answer
     assert not told(Path("answers-care.jsonl"))
 
