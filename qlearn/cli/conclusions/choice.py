@@ -49,7 +49,7 @@ _IN_100 = " in 100"
 
 
 class _Ahead(NamedTuple):
-    """How much more the choice is worth than each alternative (n,), as a share of the value range.
+    """The lead of the choice over each alternative (n,), as a share of the value range.
 
     ``least`` are lower bounds, which hold for all alternatives together with ``confidence``.
     """
