@@ -4,20 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
-from elicit.model.comparator import Comparator, bounds_of
-from elicit.model.comparator_parts import best_guess, trusted_share, unordered_of, wrong_of
+from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.model.comparator import Comparator, bounds_of, offers
+from elicit.model.comparator_parts import (
+    KeepsAnswers,
+    best_guess,
+    people_of,
+    tie_of,
+    trusted_share,
+    unordered_of,
+    wrong_of,
+)
 from elicit.model.difference import tail_sums
 from elicit.model.outcomes import assumed_of_answers
+from elicit.model.query import InconsistentAnswers
+from elicit.model.scale import Floats
 from elicit.person.course.conclusion import listed
 from elicit.person.showing import printable
 from elicit.tutors.answer_log import Entry
 
 _WIDE = 20.0
 """Width of a range, of 100, up to which a best guess is always shown."""
+_OF_ALONE = 1 / 2  # share of the width that answers alone leave, below which a range is not theirs
+_TIE = 0.02  # share of the value range that a person calls equal, if a comparator does not say
 _FEW = 3  # levels that are named in a sentence
 _MOST_OF_ROOM = 1 / 3  # share of the room between the neighbours that a wider range may cover
 
@@ -45,6 +58,11 @@ class ScaleRow(NamedTuple):
     ``rough`` is True if the level is not ``known``, but answers are about it and its interval is
     less than the whole scale. Its best guess is "about" 75, where that of another level is "not
     known yet".
+
+    ``alone`` is True if the interval is the one that the answers alone leave, if all are right. It
+    takes the place of a comparator's own interval if that is less than half as wide: then the
+    comparator's assumptions about people say more than this person's answers. Such a level is
+    ``rough``.
     """
 
     label: str
@@ -54,6 +72,7 @@ class ScaleRow(NamedTuple):
     asked: bool = True
     known: bool = True
     rough: bool = False
+    alone: bool = False
 
 
 def guess_in_words(value: float, known: bool, rough: bool) -> str:
@@ -76,6 +95,12 @@ def scale_notes(rows: Sequence[ScaleRow], comparator: Comparator, settled: bool)
         notes.append(_ROUGHLY)
         if trusted_share(comparator) is not None or wrong_of(comparator) > 0:
             notes.append(_FOR_SLIPS)
+    if alone := [row for row in rows if row.alone]:
+        named = listed([f"“{row.label}”" for row in alone])
+        notes.append(
+            f"Few answers are about {named}: the range is what your answers alone leave, because "
+            "the program's own estimate rests more on what it assumes of people in general."
+        )
     if hollow:
         it = "it" if len(hollow) == 1 else "them"
         those = (
@@ -144,6 +169,11 @@ def scale_rows(
     above = [bounds_of(comparator, np.eye(k) - np.eye(k)[level]) for level in worst]
     low, high = np.array(above).max(axis=0)
     values = 100.0 * best_guess(comparator)
+    alone = np.zeros(k, np.bool_)
+    if log is not None and (found := _by_answers_alone(comparator)) is not None:
+        alone[1:-1] = (high - low < _OF_ALONE * (found[1] - found[0]))[1:-1]
+        low = np.where(alone, np.minimum(low, found[0]), low)
+        high = np.where(alone, np.maximum(high, found[1]), high)
     # rounded outwards, so that the statement holds
     low = np.clip(np.floor(100.0 * low + 1e-6), 0, 100)
     high = np.clip(np.ceil(100.0 * high - 1e-6), 0, 100)
@@ -156,10 +186,31 @@ def scale_rows(
     for level, label in enumerate(labels):
         ends = float(low[level]), float(high[level])
         has = level in asked
-        known = has and is_known(*ends, float(worse_low[level]), float(better_high[level]))
+        own = has and bool(alone[level])
+        room = float(worse_low[level]), float(better_high[level])
+        known = has and not own and is_known(*ends, *room)
         rough = has and not known and ends != (0.0, 100.0)
-        rows.append(ScaleRow(printable(label), float(values[level]), *ends, has, known, rough))
+        row = ScaleRow(printable(label), float(values[level]), *ends, has, known, rough, own)
+        rows.append(row)
     return rows[::-1]
+
+
+def _by_answers_alone(comparator: Comparator) -> tuple[Floats, Floats] | None:
+    """Return bounds (k,) on the levels' values that answers leave if all are right, or None.
+
+    None is returned if the comparator's own bounds are no others, if it does not keep its answers
+    or does not order all levels, and if the answers contradict each other.
+    """
+    if trusted_share(comparator) is None or unordered_of(comparator) is not None:
+        return None
+    if people_of(comparator) or not offers(comparator, "answers"):
+        return None
+    scales = PolytopeComparator(comparator.k, tie=max(_TIE, tie_of(comparator)))
+    try:
+        scales = scales.update(cast(KeepsAnswers, comparator).answers)
+    except InconsistentAnswers:
+        return None
+    return bounds_of(scales, np.eye(comparator.k) - np.eye(comparator.k)[0])
 
 
 def certainty(comparator: Comparator, whose: str = "your") -> str:

@@ -1,5 +1,7 @@
 """A best guess is shown only where a level's range is narrow enough."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -101,3 +103,37 @@ def test_an_answer_that_narrows_nothing_leaves_a_level_unknown() -> None:
     rows = scale_rows(PolytopeComparator(4), LABELS, log)  # which has not learned it
     ill = next(row for row in rows if row.label == "ill")
     assert (ill.asked, ill.known, ill.rough) == (True, False, False)
+
+
+def test_a_range_that_rests_on_the_model_more_than_on_answers_is_that_of_the_answers() -> None:
+    """One answer alone says that "fair" is worth more than 80."""
+    log, rows, said = AnswerLog(k=4), [], []
+    asked = [
+        ([-0.2, 0.0, 1.0, -0.8], 1),  # fair is worth more than 80
+        ([-0.5, 1.0, 0.0, -0.5], 1),
+        ([-0.5, 1.0, -0.5, 0.0], 1),
+        ([-0.3, 1.0, 0.0, -0.7], -1),
+    ]
+    for n, (d, verdict) in enumerate(asked):
+        left, right = np.maximum(d, 0.0), np.maximum(-np.array(d), 0.0)
+        log.append(Answer(Query(f"q{n}", left, right), Verdict(verdict)))
+        rows.append(d)
+        said.append(verdict)
+
+    class Narrow(PosteriorComparator):
+        """A posterior that is surer of "fair" than the answers are."""
+
+        def bounds(self, d: Any) -> Any:
+            low, high = super().bounds(d)
+            fair = np.asarray(d)[:, 2] == 1.0
+            return np.where(fair, 0.93, low), np.where(fair, 1.0, high)
+
+    plain = PosteriorComparator(4, particles=300, seed=0).update(Answers(rows, said))
+    narrow = Narrow(4, particles=300, seed=0).update(Answers(rows, said))
+    assert not any(row.alone for row in scale_rows(plain, LABELS, log))
+    found = scale_rows(narrow, LABELS, log)
+    fair = next(row for row in found if row.label == "fair")
+    assert (fair.low, fair.high, fair.alone, fair.rough, fair.known) == (80, 100, True, True, False)
+    assert [row.label for row in found if row.alone] == ["fair"]
+    notes = " ".join(scale_notes(found, narrow, settled=False))
+    assert "Few answers are about “fair”: the range is what your answers alone leave" in notes
