@@ -101,11 +101,9 @@ def scale_notes(rows: Sequence[ScaleRow], comparator: Comparator, settled: bool)
             f"Few answers are about {named}: the range is what your answers alone leave, because "
             "the program's own estimate rests more on what it assumes of people in general."
         )
-    if hollow:
-        it = "it" if len(hollow) == 1 else "them"
-        those = (
-            listed([f"“{row.label}”" for row in hollow]) if len(hollow) <= _FEW else "these levels"
-        )
+    if wide := [row for row in hollow if not row.alone]:
+        it = "it" if len(wide) == 1 else "them"
+        those = listed([f"“{row.label}”" for row in wide]) if len(wide) <= _FEW else "these levels"
         allows = f"The result allows for all that is still possible for {those}"
         needs = f", and does not need to know {it} more exactly" if settled else ""
         notes.append(f"{allows}{needs}.")

@@ -38,9 +38,9 @@ th, td { box-sizing: border-box; text-align: left; vertical-align: top; font-wei
   border-top: 1px solid var(--line); }
 thead th, thead td { font-size: .85rem; color: var(--soft); border-top: 0; vertical-align: bottom; }
 .number { text-align: right; } .guess { width: 20%; } .range { width: 15%; } .drawn { width: 43%; padding: 0 1.2rem; }
-.scale tbody * { vertical-align: middle; } .nr { width: 3.2rem; overflow-wrap: normal; } .when { width: 10rem; } .remarks { width: 20%; }
+.scale tbody * { vertical-align: middle; } .nr { width: 3.2rem; overflow-wrap: normal; } .when { width: 9.6rem; } .remarks { width: 20%; }
 .marked td { font-weight: 600; background: var(--tint); }
-.chosen { font-size: .85rem; border: 1px solid var(--link); color: var(--link); border-radius: 6px; padding: 0 .4em; white-space: nowrap; }
+.chosen { font-size: .85em; border: 1px solid var(--link); color: var(--link); border-radius: 6px; padding: 0 .4em; white-space: nowrap; }
 .levels th { width: 34%; }
 svg { display: block; width: 100%; overflow: visible; }
 .conflict { border: 1.5px solid var(--warn); background: var(--warn-tint); border-radius: 8px; padding: .2rem 1rem;
@@ -52,7 +52,8 @@ dl { display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1rem; fon
 dd { margin: 0; overflow-wrap: anywhere; }
 .log { border-top: 1px solid var(--edge); margin-top: 2rem; padding-top: .6rem; font-size: .85rem; }
 summary { cursor: pointer; color: var(--link); padding: .3rem 0; } details > table { margin-top: .4rem; }
-@media (min-width: 44rem) { .wide { table-layout: auto; } .wide th, .wide td { overflow-wrap: break-word; } }
+.wide td.number { white-space: nowrap; } .answers td:nth-child(3) { font-size: .85rem; }
+@media (min-width: 44rem) { .answers td:nth-child(3) { white-space: nowrap; } .wide { table-layout: auto; } .wide th, .wide td { overflow-wrap: break-word; } }
 @media (max-width: 34rem) {
   body { margin-top: 1rem; } table { font-size: .9rem; } th, td { padding: .3rem .2rem; }
   .scale, .scale thead, .scale tbody, .scale caption, .answers, .answers tbody { display: block; }
@@ -62,8 +63,9 @@ summary { cursor: pointer; color: var(--link); padding: .3rem 0; } details > tab
   .answers thead, .many thead { display: none; } .many, .many tbody { display: block; }
   .many tr { display: grid; grid-template-columns: 1fr 1fr; gap: 0 1.2rem; padding: .4rem 0; border-top: 1px solid var(--line); }
   .many td { border-top: 0; padding: .1rem 0; display: flex; justify-content: space-between; gap: .6rem; }
-  .many td:first-child { grid-column: 1 / -1; font-weight: 600; }
-  .many td:not(:first-child)::before { content: attr(data-head); color: var(--soft); }
+  .many td:first-child { grid-column: 1 / -1; font-weight: 600; justify-content: flex-start; }
+  .many td:not(:first-child)::before { content: attr(data-head); color: var(--soft); overflow-wrap: normal; }
+  .many .marked { padding: .4rem .6rem; background: var(--tint); } .many .marked td { background: none; }
   .many td:not(:first-child, .number) { grid-column: 1 / -1; justify-content: flex-start; }
   .many td:not(:first-child, .number)::before { flex: 0 0 8.5rem; overflow-wrap: normal; }
   .answers tr { display: grid; grid-template-columns: 2.2rem minmax(0, 1fr); border-top: 1px solid var(--line); }
@@ -76,7 +78,7 @@ summary { cursor: pointer; color: var(--link); padding: .3rem 0; } details > tab
   body { margin: 0; max-width: none; font-size: 9.5pt; line-height: 1.35; } thead { display: table-header-group; }
   h1 { font-size: 15pt; } h2 { font-size: 11.5pt; margin: 1rem 0 .3rem; } .headline { font-size: 12.5pt; }
   table { font-size: 8pt; } .scale { font-size: 9.5pt; } th, td { padding: .12rem .4rem; } .shown { font-size: 7.5pt; }
-  thead th, thead td, dl { font-size: 8pt; } .when { width: 6.5rem; } .nr { width: 2rem; } .remarks { width: 22%; }
+  thead th, thead td, dl { font-size: 8pt; } .when { width: 8rem; } .answers td:nth-child(3) { font-size: 8pt; white-space: nowrap; } .nr { width: 2rem; } .remarks { width: 22%; }
   svg { height: 24px; } thead svg { height: 18px; }
   tr, .conflict, h2 { break-inside: avoid; } h2 { break-after: avoid; }
   .long, .cut tbody tr:nth-child(n+41) { display: none; } .printed { display: block; font-style: italic; }
@@ -161,7 +163,7 @@ def report_page(
         f"<h1>{escaped(name)}: a report</h1>",
         f'<p class="soft">{person}{escaped(when)}. {escaped(in_answers(n))}.</p>',
     ]
-    if waiting:
+    if waiting and not end.get("settled"):
         # a caution may have ended it, and not the person
         early = (
             "More could be asked." if end.get("caution") else "Stopped early: more could be asked."
