@@ -26,7 +26,7 @@ from elicit.person.course.counts import Counts, in_answers, numbered
 from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
 from elicit.person.course.pace import Pace
-from elicit.person.findings import certainty, scale_notes, scale_rows
+from elicit.person.findings import certainty, guess_in_words, scale_notes, scale_rows
 from elicit.person.next_question import NextQuestion
 from elicit.person.outlook import Prospect
 from elicit.person.report import ReportDetails, report_page
@@ -200,12 +200,13 @@ class Drawing:
         they meant.
         """
         n = after.of - after.used
-        kept = f"It leaves {in_answers(n)} out." if n > 0 else ""
+        kept = f"{in_answers(n).capitalize()} would not count." if n > 0 else ""
         if not isinstance(after.asker, Compares):
             return kept
         names = [printable(self._subject.labels[i]) for i in levels]
         worth = [
-            f"“{row.label}” would be worth {row.low:.0f} to {row.high:.0f}."
+            f"“{row.label}” would be worth {guess_in_words(row.value, row.known, row.rough)} "
+            f"({row.low:.0f} to {row.high:.0f})."
             if (row.low, row.high) != (0.0, 100.0)
             else f"“{row.label}” would still be open (0 to 100)."
             for row in scale_rows(after.asker.comparator, self._subject.labels)

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from elicit import AnswerLog, Interview, Session, Subject
-from elicit.person.course.counts import number_of
+from elicit.person.course.counts import Counts, number_of
 from tests.browser_cases import LABELS, QUESTIONS, Listed
 
 SURE = "What you answered before bears on this question too."
@@ -100,6 +100,29 @@ def test_where_another_question_comes_after_one_was_taken_back_it_is_said() -> N
         assert back["question"]["id"] == "q2"
         assert back["note"].endswith(" Another question comes now.")
         assert back["question"]["number"] == 3  # the second is taken
+
+
+def test_an_answer_that_was_not_kept_is_no_answer_that_was_taken_back() -> None:
+    with (
+        Session(lambda known: Listed(QUESTIONS[:2], known), AnswerLog(), audit=0) as session,
+        Interview(session, Subject(LABELS, least=1)) as interview,
+    ):
+        screen = interview.handle({"do": "practised", "choice": "a"})
+        for value in (0.35, 0.65):  # less than .4 of the best level, then more than .6
+            screen = answered(interview, screen, choice(session, value))
+        conflict = screen["conflict"]
+        labels = [one["label"] for one in conflict["choices"]]
+        assert labels == ["Keep answer 1", "Keep answer 2", "I am not sure", "Keep both"]
+        keep = conflict["choices"][0]["choice"]
+        after = interview.handle({"do": "settle", "id": conflict["id"], "choice": keep})
+        assert after["note"] == "Thank you. Answer 2 no longer counts. The other answers stay."
+        if after["stage"] == "question":
+            assert "you did not keep your answer to it" in after["question"]["check"]
+        assert Counts.of(session.log).sentence == (
+            "1 answer. 1 more was not kept, for contradicting others."
+        )
+        dropped = [one["dropped"] for one in interview.handle({"do": "answers"})["answers"]]
+        assert dropped == [False, True]
 
 
 def answered(interview: Interview, screen: Any, choice: str) -> Any:

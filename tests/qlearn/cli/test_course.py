@@ -689,10 +689,10 @@ def test_each_choice_of_a_conflict_says_what_it_leaves(choice: int) -> None:
         said = left["choices"][choices[choice]]
         interview.handle({"do": "settle", "id": conflict["id"], "choice": choices[choice]})
         used = sum(e.used and e.answer.verdict is not None for e in log)
-        left_out = f"It leaves {n - used} {'answer' if n - used == 1 else 'answers'} out."
+        left_out = f"{n - used} {'answer' if n - used == 1 else 'answers'} would not count."
         assert said.endswith(left_out) == (used < n)
         rows = {row["label"]: row for row in interview.handle({"do": "result"})["end"]["scale"]}
-        worth = re.findall(r"“([^“]+?)” would be worth (\d+) to (\d+)\.", said)
+        worth = re.findall(r"“([^“]+?)” would be worth [a-z]* ?\d+ \((\d+) to (\d+)\)\.", said)
         assert worth or "would still be open (0 to 100)" in said
         for label, low, high in worth:
             assert (rows[label]["low"], rows[label]["high"]) == (int(low), int(high))
