@@ -247,6 +247,7 @@ class Beside(Closing):
         # questions about levels, this one included, after "ask me more" or until it is enough
         self._levels_left: tuple[int, int] | None = None
         self._no_others = False  # but those that are needed
+        self._may_change = False  # true if the answer to this question may make others needed
         self._needed = (0, 0)  # answers and checks that must still come after this question
 
     def start(self, steps: Iterator[None]) -> None:
@@ -361,6 +362,7 @@ class Beside(Closing):
         """
         self._conduct, self._needed, self._no_others = conduct, needed, no_others
         session, subject, now = self._session, self._subject, self._beside
+        self._may_change = not (session.is_repeat(shown.id) or shown.id.startswith(ORDER))
         asker = session.current_asker()
         enough, more = subject.enough, self._chosen.more
         if not subject.least or (subject.enough_is_slow and session.next_told() is not None):
@@ -518,7 +520,10 @@ class Beside(Closing):
         """
         put, least = self._conduct.put, sum(self._needed)
         if self._no_others:
-            return [least, least]
+            if not self._may_change or self._subject.enough is None:
+                return [least, least]
+            shown = self._left.shown((least, least + _UNTIL_SURE), put, least)
+            return None if shown is None else [*shown]
         found = None
         if self._chosen.more:
             if self._levels_left is None:

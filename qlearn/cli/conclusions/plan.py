@@ -159,6 +159,8 @@ def _changes(
         title = f"In {n} of {live} {told.states} your answers change the {told.plan}"
         hold = "This change is better" if n == 1 else "Each of these changes is better"
         some = f" {hold} {_for_certain(result)}, if the rest of the {told.plan} is as here."
+        if with_probability(result.confidence):
+            some += " More answers may still change this list."
     elif rest:
         title = f"In {rest} of {live} {told.states} your answers may change the {told.plan}"
         some = " None of these changes is certain yet."

@@ -806,7 +806,7 @@ export function mount(root, send, options = {}) {
 }
 
 const USUAL_ROWS = 3; // levels that a question shows, and lines above its sides: one with less gets as much room
-const USUAL_LINES = 5;
+const USUAL_LINES = 4;
 const USUAL_LINES_OF_NARROW = 3;
 const NARROW = 640; // px of width, as the style has it
 const FEW = 12; // rows that need no filter, and are shown at once
@@ -1013,7 +1013,7 @@ function toCome(range, seconds, atLeast) {
   const [least, most] = range;
   if (most === 0) return "perhaps the last one";
   const minutes = Math.max(1, Math.round((most * seconds) / 60));
-  const time = `${minutes}\u00a0${minutes === 1 ? "minute" : "minutes"}`;
+  const time = `${minutes}\u00a0min`;
   if (least === most) return `about ${most} more, up to ${time}`;
   // no promise: an answer can open more than it closes
   return least === 0 ? `up to about ${most} more (${time})` : `about ${least} to ${most} more, up to ${time}`;

@@ -116,7 +116,8 @@ def test_a_plan_changes_only_what_is_certain_and_says_what_is_not_decided(
             (n > 0, rest > 0),
             (
                 f"In {n} of 8 states your answers change the plan",
-                f" {held_so} {sure}, if the rest of the plan is as here.",
+                f" {held_so} {sure}, if the rest of the plan is as here."
+                + " More answers may still change this list." * (name == "posterior"),
             ),
         )
         if n and rest:
