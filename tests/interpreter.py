@@ -1,8 +1,10 @@
-"""A fresh interpreter, for what depends on how Python was started."""
+"""A fresh interpreter, for what depends on how Python was started; and this one, for the rest."""
 
 import os
 import subprocess
 import sys
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -31,6 +33,15 @@ def run(code: str, folder: Path | None = None, **environment: str) -> list[str]:
     return done.stdout.splitlines()
 
 
-def report_of(test: str) -> list[str]:
-    """Return the result of the function ``report`` of a module of tests, with nothing compiled."""
-    return run(f"from {test} import report; print(*report(), sep='\\n')", NUMBA_DISABLE_JIT="1")
+def printed_here(code: str) -> str:
+    """Return the output of a program that may run in this interpreter, which is soon started."""
+    with redirect_stdout(StringIO()) as said:
+        exec(code, {"__name__": "__main__"})
+    if "matplotlib.pyplot" in sys.modules:
+        sys.modules["matplotlib.pyplot"].close("all")
+    return said.getvalue()
+
+
+def report_of(test: str, name: str = "report") -> list[str]:
+    """Return the result of a function of a module of tests, with nothing compiled."""
+    return run(f"from {test} import {name}; print(*{name}(), sep='\\n')", NUMBA_DISABLE_JIT="1")

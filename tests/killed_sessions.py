@@ -1,5 +1,5 @@
 """Sessions killed at random moments while a scripted person answers. Run as a program, which forks
-a process for each try, so that nothing needs to be imported again: FOLDER KILLS SEED."""
+a process for each try, so that nothing needs to be imported again: FOLDER KILLS SEED SIZE."""
 
 import json
 import os
@@ -34,10 +34,11 @@ def policy_of(result: Any) -> list[int]:
     return found
 
 
-def cases() -> list[tuple[Make, Person, Callable[[Any], list[int]]]]:
+def cases(small: bool) -> list[tuple[Make, Person, Callable[[Any], list[int]]]]:
     """A choice, and a learner whose audits find contradictions; who answers; and what comes out."""
-    vectors = np.random.default_rng(0).dirichlet(np.ones(5), 16)
-    mdp, values = random_mdp(15, 3, 8, discount=0.9, rng=3)
+    vectors = np.random.default_rng(0).dirichlet(np.ones(5), 6 if small else 16)
+    k = 5 if small else 8
+    mdp, values = random_mdp(6 if small else 15, 3, k, discount=0.9, rng=3)
     scale = [0.0, 10.0, 11.0, 40.0, 99.0]
 
     def choosing(known: Any) -> Any:
@@ -45,7 +46,7 @@ def cases() -> list[tuple[Make, Person, Callable[[Any], list[int]]]]:
 
     def learning(known: Any) -> Any:
         more = {"tolerance": 0.05, "audit": 0.3, "max_audits": 8, "rng": 1}
-        return InteractiveValueIteration(mdp, PolytopeComparator(8), known=known, **more)
+        return InteractiveValueIteration(mdp, PolytopeComparator(k), known=known, **more)
 
     return [(choosing, person(scale, 0.1), order_of), (learning, person(values, 0.15), policy_of)]
 
@@ -64,7 +65,7 @@ def told(log: Path) -> list[Any]:
     return [[e.answer.query.id, e.answer.verdict, e.used, e.retracted] for e in AnswerLog.read(log)]
 
 
-def killed(folder: Path, kills: int, seed: int) -> dict[str, Any]:
+def killed(folder: Path, kills: int, seed: int, small: bool) -> dict[str, Any]:
     """Run a session that is killed so many times, and count.
 
     The result has the numbers of kills, of answers and of those marked unused, and the faults that
@@ -72,7 +73,7 @@ def killed(folder: Path, kills: int, seed: int) -> dict[str, Any]:
     """
     chance, wrong, done, answers, unused, round_ = random.Random(seed), [], 0, 0, 0, 0
     undisturbed = []
-    for case, (make, says, outcome) in enumerate(cases()):
+    for case, (make, says, outcome) in enumerate(cases(small)):
         for name in ("cold", "undisturbed"):  # the first one compiles
             start = time.monotonic()
             result = answer_all(
@@ -83,7 +84,7 @@ def killed(folder: Path, kills: int, seed: int) -> dict[str, Any]:
         )
     while done < kills or round_ < 2:
         case = round_ % 2
-        make, says, outcome = cases()[case]
+        make, says, outcome = cases(small)[case]
         expected, best, seconds = undisturbed[case]
         log, said = folder / f"{round_}", folder / f"{round_}.said"
         round_ += 1
@@ -114,4 +115,5 @@ def killed(folder: Path, kills: int, seed: int) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    print(json.dumps(killed(Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]))))
+    folder, kills, seed, size = sys.argv[1:]
+    print(json.dumps(killed(Path(folder), int(kills), int(seed), size == "small")))

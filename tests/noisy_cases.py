@@ -13,6 +13,7 @@ from scipy.special import expit, logsumexp
 
 from elicit import (
     AlwaysAsk,
+    Answers,
     BradleyTerryComparator,
     Comparator,
     Dominance,
@@ -86,3 +87,23 @@ def prior_of(k: int, **settings: Any) -> ParticlePrior:
     lapse.
     """
     return PosteriorComparator(k, **({"lapse": 0.05} | settings))._prior
+
+
+def learned(particles: int, n: int) -> list[str]:
+    """Return all results of a few small comparators after n answers, to the last bit."""
+    rng, lines = np.random.default_rng(5), []
+    d = rng.dirichlet(np.ones(4), n) - rng.dirichlet(np.ones(4), n)
+    y = np.sign(d @ [0, 0.2, 0.5, 1.0]).astype(int) * (np.arange(n) % 5 > 0)
+    settings: tuple[dict[str, Any], ...] = (
+        {},
+        {"precision": 30.0, "lapse": 0.0},
+        {"lapse": 0.05, "prior": "e3 >= 0.4", "shape": (1.0, 1.0), "tie": 0.0},
+    )
+    for more in settings:
+        c = PosteriorComparator(4, particles=particles, seed=3, **more).update(Answers(d, y))
+        lines.append(
+            f"{[part.tobytes().hex() for part in c.draws]} {c.proposed} {c.accepted} "
+            f"{c.effective_size}"
+        )
+        lines.append(f"{c.compare(d).tolist()} {c.probability(d).tobytes().hex()}")
+    return lines

@@ -80,21 +80,23 @@ def answered(learner: Any, tutor: Any) -> list[elicit.Answer]:
 
 
 def report() -> list[str]:
-    """One line a run: the number of questions, the status, how many were asked again, and a hash of
-    all questions by value, of the answers and of the policy."""
-    lines = []
-    for run in runs():
-        learner = run.make()
-        answers = answered(learner, run.tutor)
-        result, d = learner.result(), np.array([answer.query.d for answer in answers])
-        grains = np.array([whole_numbers(t)[0] for t in tail_sums(d)])
-        said = np.array([answer.verdict for answer in answers], dtype=np.int8)
-        digest = hashlib.blake2b(
-            grains.tobytes() + said.tobytes() + result.policy.tobytes(), digest_size=8
-        ).hexdigest()
-        again = len(d) - len(np.unique(pair_numbers(d)))
-        lines.append(f"{run.name}: {result.asked} {result.status.name}, {again} again, {digest}")
-    return lines
+    """Return one line a run."""
+    return [line_of(run) for run in runs()]
+
+
+def line_of(run: Run) -> str:
+    """Return the number of questions, the status, how many were asked again, and a hash of all
+    questions by value, of the answers and of the policy."""
+    learner = run.make()
+    answers = answered(learner, run.tutor)
+    result, d = learner.result(), np.array([answer.query.d for answer in answers])
+    grains = np.array([whole_numbers(t)[0] for t in tail_sums(d)])
+    said = np.array([answer.verdict for answer in answers], dtype=np.int8)
+    digest = hashlib.blake2b(
+        grains.tobytes() + said.tobytes() + result.policy.tobytes(), digest_size=8
+    ).hexdigest()
+    again = len(d) - len(np.unique(pair_numbers(d)))
+    return f"{run.name}: {result.asked} {result.status.name}, {again} again, {digest}"
 
 
 def resumed(run: Run) -> tuple[list[elicit.Answer], list[elicit.Answer]]:

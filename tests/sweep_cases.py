@@ -40,8 +40,8 @@ def note(log: str, cell: dict[str, Any]) -> None:
         file.write(f"{cell['name']}{cell['x']}\n")
 
 
-def where(cell: dict[str, Any]) -> dict[str, Any]:
-    time.sleep(0.2)
+def where(cell: dict[str, Any], pause: float = 0.2) -> dict[str, Any]:
+    time.sleep(pause)
     pools = [pool["num_threads"] for pool in threadpool_info()]
     return {"pid": os.getpid(), "threads": pools, "numba": os.environ.get("NUMBA_NUM_THREADS")}
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from elicit._support.jit import compiled_beside
+from elicit._support.jit import compiled_beside, written_out
 from elicit._support.prefetch import prefetch
 from elicit.model.scale import Floats
 from qlearn.mdp.backup import model_of
@@ -39,6 +39,14 @@ def arrays_of(mdp: OrdinalMDP) -> tuple[Any, Any, Any]:
 
 def _unsigned(numbers: Any) -> Any:
     return numbers.view(f"u{numbers.itemsize}")
+
+
+@written_out
+def _fetch(ends: Any, successors: Any, probabilities: Any, row: int) -> None:
+    """Hint that the transitions of a row will be read soon."""
+    for at in range(np.uint64(ends[row]), np.uint64(ends[row + 1]), _A_LINE):
+        prefetch(successors, at)
+        prefetch(probabilities, at)
 
 
 def sweep_together(
@@ -82,10 +90,7 @@ def sweep_rows(
     for i in range(n):
         s = first + i
         if i + _ROWS_AHEAD < n:
-            far = rows[s + _ROWS_AHEAD]
-            for at in range(np.uint64(ends[far]), np.uint64(ends[far + 1]), _A_LINE):
-                prefetch(successors, at)
-                prefetch(probabilities, at)
+            _fetch(ends, successors, probabilities, rows[s + _ROWS_AHEAD])
         start, end = np.uint64(ends[rows[s]]), np.uint64(ends[rows[s] + 1])
         # the successors of the next state are fetched while this one's are added
         ahead, last = end, end
@@ -176,10 +181,7 @@ def pass_on(
     for i in range(n):
         s = first + i
         if i + _ROWS_AHEAD < n:
-            far = rows[s + _ROWS_AHEAD]
-            for at in range(np.uint64(ends[far]), np.uint64(ends[far + 1]), _A_LINE):
-                prefetch(successors, at)
-                prefetch(probabilities, at)
+            _fetch(ends, successors, probabilities, rows[s + _ROWS_AHEAD])
         start, end = np.uint64(ends[rows[s]]), np.uint64(ends[rows[s] + 1])
         # the successors of the next state are fetched while this one's are added
         ahead, last = end, end
@@ -337,10 +339,7 @@ def improve(
                 may = terminal[s] or (len(last) > 0 and a == last[s])
                 needed[j % _RING, a] = may or (admissible[s, a] and q[a] >= least)
                 if needed[j % _RING, a]:
-                    row = s * m + a
-                    for at in range(np.uint64(ends[row]), np.uint64(ends[row + 1]), _A_LINE):
-                        prefetch(successors, at)
-                        prefetch(probabilities, at)
+                    _fetch(ends, successors, probabilities, s * m + a)
         if i < 0:
             continue
         s = first + i

@@ -169,9 +169,9 @@ def test_the_held_out_likelihood_is_that_of_an_integral():
     """For the law of flips and one power that decides all pairs alike, two integrals are left."""
     table = repeats.of_logs({"1": repeated_gambles(sets=[2])["1"]})[2]
     pairs = table._replace(pairs=table.pairs[:2], counts=table.counts[:, :2])
-    drawn = repeats.draws(100_000, 3)
+    drawn = repeats.draws(n := scaled(30_000, 100_000), 3)
     found, full = repeats.held_out_pairs("flips", pairs, 2, drawn)
-    assert full.shape == (100_000, 1)
+    assert full.shape == (n, 1)
 
     def likes_safe(power: float) -> list[bool]:
         worth = {
@@ -194,7 +194,8 @@ def test_the_held_out_likelihood_is_that_of_an_integral():
         # the gambles have equal expected values, so the preference turns at a power near 1
         turn = -repeats.POWER[0] / repeats.POWER[1]
         parts = [(-7.0, turn - 0.005), (turn - 0.005, turn + 0.005), (turn + 0.005, 7.0)]
-        return sum(dblquad(inside, a, b, 1e-9, 1, epsabs=1e-6, epsrel=1e-4)[0] for a, b in parts)
+        error = {"epsabs": scaled(1e-5, 1e-6), "epsrel": scaled(1e-3, 1e-4)}
+        return sum(dblquad(inside, a, b, 1e-9, 1, **error)[0] for a, b in parts)
 
     both, per_pair = full[:, 0], [integral([0]), integral([1])]
     assert np.exp(both).mean() == pytest.approx(integral([0, 1]), rel=0.1)
@@ -204,7 +205,7 @@ def test_the_held_out_likelihood_is_that_of_an_integral():
 
 def test_a_repeated_person_is_scored_by_answers_that_were_not_told():
     log = repeated_gambles()["5"]
-    rows = comparators.on_repeats(comparators.MAKES["BradleyTerryComparator"], log, 5, 0)
+    rows = comparators.on_repeats(comparators.MAKES["BradleyTerryComparator"], log, scaled(2, 5), 0)
     assert rows.shape == (20, 5)
     assert rows[:, 3].tolist() == [20.0] * 20  # of pairs that were not told of
     assert ((rows[:, 1] >= 0) | np.isnan(rows[:, 1])).all()

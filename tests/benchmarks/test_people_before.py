@@ -8,6 +8,7 @@ from benchmarks.history import in_older_code, people_before, repeated
 from benchmarks.people import comparators
 from benchmarks.people.choices import deal
 from elicit.people import repeated_gambles
+from tests.thoroughness import scaled
 
 
 def told(n: int = 2, m: int = 12, k: int = 4) -> dict[str, np.ndarray]:
@@ -51,13 +52,14 @@ def test_a_clone_without_the_history_is_told_what_to_do(monkeypatch):
         people_before.by_older_code(None, nobody, nobody, nobody)
 
 
-def test_pairs_are_judged_as_on_the_page_of_people():
+def test_pairs_are_judged_as_on_the_page_of_people(monkeypatch):
+    monkeypatch.setattr(repeated, "FOLDS", folds := scaled(2, repeated.FOLDS))
     log = repeated_gambles()["5"]
     fresh = elicit.PosteriorComparator(log.k)
     verdict, chance, left, right, equal = repeated.judged(
         repeated.by_posterior(fresh), repeated.splits_of(log)
     ).T
-    rows = comparators.on_repeats(lambda k: elicit.PosteriorComparator(k), log, 5, 0)
+    rows = comparators.on_repeats(lambda k: elicit.PosteriorComparator(k), log, folds, 0)
     assert (np.abs(verdict) == 1).tolist() == rows[:, 0].tolist()
     np.testing.assert_allclose(np.maximum(left, right) / 20, 1 - rows[:, 2])
     assert (left + right).tolist() == [20.0] * len(rows)

@@ -14,6 +14,7 @@ from benchmarks import evidence, rows_again, stamps
 from benchmarks.evidence import PAGES, ROOT, Page
 from benchmarks.rows_again import Sample
 from benchmarks.stamps import Stamp
+from tests.syntax import parsed
 
 NOW = Stamp("python -m benchmarks.x --out x.md", "0-19", "2026-01-31", "0123456789")
 BEFORE = Stamp("python -m benchmarks.x")
@@ -141,7 +142,7 @@ def test_no_number_comes_from_code_that_is_set_aside():
 def imported(file: Path) -> set[str]:
     """The modules that a file imports, be it by a public name of elicit or qlearn."""
     found = set()
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    for node in ast.walk(parsed(file)):
         if isinstance(node, ast.ImportFrom) and node.module:
             found |= {node.module} | {f"{node.module}.{each.name}" for each in node.names}
         elif isinstance(node, ast.Import):

@@ -1,7 +1,11 @@
 """The programs in examples/ do what they say, with a scripted person."""
 
+import gc
 import http.client
 import json
+import runpy
+import sys
+from io import StringIO
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -14,6 +18,7 @@ from tests.scripted_person import Teach, truthful
 
 EXAMPLES = ROOT / "examples"
 PROMPT = "\n> "
+VALUES = {"died": 0.0, "severe": 4.0, "mild": 7.0, "well": 10.0}
 
 
 def example(folder: Path, name: str, *options: str) -> Teach:
@@ -39,23 +44,65 @@ def test_an_example_is_short_and_says_what_it_shows(path):
     assert f"    python examples/{path.name}" in lines[2]
 
 
+class Keys(StringIO):
+    """The input of a person who types these keys at a program that runs in this process.
+
+    For None they answer truthfully; after the last key they leave.
+    """
+
+    def __init__(self, shown, values, keys):
+        super().__init__()
+        self.shown, self.values, self.keys, self.since = shown, values, iter(keys), []
+
+    def readline(self, size=-1):
+        self.since.append(self.shown())
+        key = next(self.keys, "")
+        if key is None:
+            key = truthful(self.since[-1], self.values)
+        return key and f"{key}\n"
+
+
+def test_a_session_is_left_and_resumed_in_this_process(tmp_path, monkeypatch, capsys):
+    def shown():
+        return capsys.readouterr().out
+
+    def typed(*keys):
+        typing = Keys(shown, VALUES, keys)
+        monkeypatch.setattr(sys, "stdin", typing)
+        runpy.run_path(str(EXAMPLES / "resume_a_session.py"), run_name="__main__")
+        gc.collect()  # which closes the log, as the end of a process does
+        return [*typing.since, shown()]
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["resume_a_session.py"])
+    said = typed("u", "x", None, "u", None)  # nothing to undo, no answer, and one undone
+    assert truthful(said[0], VALUES) == truthful(said[4], VALUES)
+    assert "Left. a question waits: 1 answered, 1 taken back." in said[-1]
+    said = typed(*[None] * 4)
+    assert "1 answered" in said[0]
+    assert "Best first: tablets, watch, diet, surgery then tablets, injections" in said[-1]
+    with AnswerLog.read(tmp_path / "answers.jsonl") as log:
+        standing = [entry.answer.query.id for entry in log if not entry.retracted]
+    assert len(set(standing)) == len(standing) == 5
+
+
+@pytest.mark.slow
 def test_a_session_is_left_and_resumed_and_asks_nothing_twice(tmp_path):
-    values = {"died": 0.0, "severe": 4.0, "mild": 7.0, "well": 10.0}
     with example(tmp_path, "resume_a_session.py") as run:
         run.prompted()
         first = run.since
         run.say("u")  # nothing to undo
         run.say("x")
-        run.say(truthful(run.since, values))
+        run.say(truthful(run.since, VALUES))
         run.say("u")
-        assert truthful(run.since, values) == truthful(first, values)
-        run.say(truthful(run.since, values))
+        assert truthful(run.since, VALUES) == truthful(first, VALUES)
+        run.say(truthful(run.since, VALUES))
         code, errors = run.leave()
         assert not code, errors
         assert "Left. a question waits: 1 answered, 1 taken back." in run.shown
     with example(tmp_path, "resume_a_session.py") as run:
         assert "1 answered" in run.prompted()
-        assert answer_all(run, values) == 4
+        assert answer_all(run, VALUES) == 4
         assert (
             "Best first: tablets, watch, diet, surgery then tablets, injections, surgery."
             in run.shown

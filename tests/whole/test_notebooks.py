@@ -13,7 +13,9 @@ import tempfile
 from pathlib import Path
 from pkgutil import resolve_name
 
+import matplotlib
 import nbformat
+import pandas as pd
 import pytest
 from nbclient.exceptions import CellExecutionError
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
@@ -21,6 +23,7 @@ from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 from benchmarks import stamps
 from elicit import plot
 from notebooks import execute
+from tests.interpreter import printed_here
 
 REFERENCE = execute.HERE.parent / "docs" / "reference"
 NOTEBOOKS = sorted(execute.HERE.glob("*.ipynb"))
@@ -82,13 +85,21 @@ def put(folder, name, *sources):
     return path
 
 
-@pytest.mark.parametrize(
-    "path",
-    [
-        pytest.param(path, id=path.stem, marks=[] if path.stem == QUICK else pytest.mark.slow)
-        for path in NOTEBOOKS
-    ],
-)
+def test_the_code_of_one_runs_at_the_small_setting_without_a_warning(tmp_path, monkeypatch):
+    """It does so here, without a kernel, which takes seconds to start."""
+    notebook = execute.read(execute.HERE / f"{QUICK}.ipynb")
+    monkeypatch.setenv("NOTEBOOK_SETTING", "small")
+    monkeypatch.setattr("matplotlib.pyplot.show", lambda: None)
+    monkeypatch.chdir(tmp_path)
+    with matplotlib.rc_context(), pd.option_context("display.max_colwidth", 100):
+        shown = printed_here("\n".join(cell.source for cell in code_cells(notebook)))
+    assert shown.startswith("setting: small\n")
+    assert "0 conflicts left" in shown
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.slow
+@each_notebook
 def test_it_runs_at_the_small_setting_without_a_warning(path, tmp_path):
     committed = path.read_bytes()
     copy = Path(shutil.copy(path, tmp_path))
@@ -310,6 +321,8 @@ def test_it_opens_with_question_answer_and_picture_and_the_answers_numbers_are_i
         "Answer",
         "Picture",
     ]
+    told = [part for part in opening.split("\n\n") if part.startswith("**")]
+    assert sum(len(part.splitlines()) for part in told) <= 5
     answer = opening.split("**Answer.**")[1].split("**Picture.**")[0]
     answer = re.sub(r"\([^)]* \d{4}\)|`[^`]*`", "", answer)  # but for references and names
     shown = re.sub(r"<[^>]*>", " ", json.dumps(said(notebook)))

@@ -1,14 +1,18 @@
 """Rules for the project as a whole: imports run one way and stay light, and the README is true."""
 
 import ast
+import pkgutil
 import re
-from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
-from tests.interpreter import run
+import elicit
+import qlearn
+from tests.interpreter import printed_here, run
+from tests.syntax import imports, parsed
+from tests.thoroughness import quick_first, thorough
 
 ROOT = Path(__file__).resolve().parents[2]
 ORDER = (  # a folder imports from those before it; folders side by side do not import each other
@@ -57,27 +61,17 @@ CODE = modules("elicit", "qlearn")
 TESTS = modules("tests")
 
 
-@cache
-def parsed(path: Path) -> ast.Module:
-    """The syntax tree of a file, for all tests that look at it; none of them changes it."""
-    return ast.parse(path.read_text(encoding="utf-8"))
-
-
 def imported(path: Path, known: dict[str, Path], for_types: bool = True) -> set[str]:
     """The known modules that a file imports, also within functions, and perhaps for type checks
     only.
     """
-    statements = [
-        statement
-        for statement in parsed(path).body
-        if for_types
-        or not (isinstance(statement, ast.If) and ast.unparse(statement.test) == "TYPE_CHECKING")
-    ]
     names = set()
-    for node in (node for statement in statements for node in ast.walk(statement)):
+    for node, is_for_types in imports(path):
+        if is_for_types and not for_types:
+            continue
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
+        else:
             assert not node.level, f"{path}: relative import"
             whole = {f"{node.module}.{alias.name}" for alias in node.names}
             names |= {name if name in known else str(node.module) for name in whole}
@@ -153,20 +147,19 @@ def test_importing_a_package_stays_light(package):
 
 @pytest.mark.parametrize(
     "names",
-    [
+    quick_first(
         [
-            "elicit.graph.preference_graph",
-            "elicit.objectives.as_levels",
-            "elicit.plot.polytope",
-            "elicit.testing.check_comparator",
+            ["elicit.objectives.as_levels", "elicit.testing.check_comparator"],
+            [
+                "qlearn.exploration.Decay",
+                "qlearn.gym_environments.frozen_lake",
+                "qlearn.strategies.max_regret",
+            ],
+            ["elicit.graph.preference_graph", "elicit.plot.polytope"],  # import slow packages
+            ["qlearn.ablation.ablate"],
         ],
-        [
-            "qlearn.exploration.Decay",
-            "qlearn.gym_environments.frozen_lake",
-            "qlearn.strategies.max_regret",
-        ],
-        pytest.param(["qlearn.ablation.ablate"], marks=pytest.mark.slow),
-    ],
+        2,
+    ),
 )
 def test_what_the_readme_writes_with_dots_is_there_after_one_import_and_found_by_completion(names):
     package = names[0].split(".")[0]
@@ -215,6 +208,17 @@ def test_a_module_whose_extra_is_missing_says_what_installs_it():
     assert run(code) == ["pandas is not installed: pip install 'elicit-qlearn[ablation]'"]
 
 
+@pytest.mark.parametrize("package", [elicit, qlearn])
+def test_no_module_takes_the_place_of_a_public_name(package):
+    """Importing a module sets it as an attribute of the folder that it lies in."""
+    assert not {module.name for module in pkgutil.iter_modules(package.__path__)} & {
+        *package.__all__
+    }
+    assert set(package.__all__) <= set(dir(package))
+    assert all(getattr(package, name, None) is not None for name in package.__all__)
+
+
+@pytest.mark.slow
 def test_every_public_name_can_be_imported_whatever_was_imported_before():
     code = """
 import importlib, pkgutil, elicit, qlearn
@@ -235,7 +239,8 @@ def test_the_example_of_the_readme_runs_as_printed():
     (printed,) = re.findall(r"```text\n(.*?)```", text, re.DOTALL)
     assert code.startswith("import")
     assert "qlearn.solve(" in code
-    assert run(code) == printed.splitlines()
+    shown = "\n".join(run(code)) + "\n" if thorough() else printed_here(code)
+    assert shown == printed
     worst = float(re.fullmatch(r"It does lose ([0-9.]+)% there.", printed.splitlines()[-1])[1])
     assert 0 <= worst <= 1  # the tolerance that the example asks for, in percent
 

@@ -60,6 +60,8 @@ class SampledRounds:
                 return self._pool, Guarantee(np.inf, np.nan)
             if self._of_pool is not None:
                 return self.look_further(comparator)  # a sample would show less
+        if self._all is not None and self._mdp.transitions.nnz >= LARGE:
+            return self.look_further(comparator)  # a sample showed nothing the last time
         self.rounds, self._asked = self.rounds + 1, 0
         sample = self._sample()
         self._solve(best_guess(comparator), sample)
@@ -145,7 +147,7 @@ class SampledRounds:
         return bool(beyond > (0.0 if trusted is None else 1.0 - trusted[1] + LEVEL_ROUNDING))
 
     def look_further(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
-        """Bound all advantages over a policy for the central scale.
+        """Bound all advantages over a policy for the central scale, and return as ``round`` does.
 
         Those with the greatest bounds are kept for questions.
         """
@@ -157,8 +159,10 @@ class SampledRounds:
         advantages = self.everything()
         if trusted is None:
             high, confidence = bounds_of_many(comparator, advantages.d)
-            self._total = collected(mdp, advantages, high, self._total, self._error, rest)
-            found = Guarantee(float(self._total.max(initial=0.0)), confidence)
+            found = Guarantee(np.inf, np.nan)
+            if high.max(initial=0.0) <= self._enough:  # else a policy can collect that much
+                self._total = collected(mdp, advantages, high, self._total, self._error, rest)
+                found = Guarantee(float(self._total.max(initial=0.0)), confidence)
         else:
             found = guarantee(mdp, advantages, comparator, self._enough)
             high = most_of(advantages.d, trusted[0].gaps, axis=1)

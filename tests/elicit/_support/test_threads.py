@@ -3,6 +3,8 @@
 That is so if other threads are in such a block too.
 """
 
+import pytest
+
 from tests.interpreter import run
 
 TWO = {"OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
@@ -35,16 +37,7 @@ BLOCKS = {  # each leaves things as it found them, so that the next one begins w
 }
 
 
-def test_a_block_has_one_thread_and_leaves_as_many_as_there_were() -> None:
-    shown = " ".join(run("\nprint('|')\n".join([BEGIN, *BLOCKS]), **TWO))
-    assert shown == "| " + " | ".join(BLOCKS.values())
-
-
-def test_the_last_of_several_threads_to_leave_lifts_the_limit() -> None:
-    """OpenBLAS has one limit for the process, and threadpoolctl lets only the thread that set it
-    lift it.
-    """
-    code = """
+SEVERAL_THREADS = """
 with ThreadPoolExecutor(1) as first, ThreadPoolExecutor(1) as second:
     for _ in range(2):
         first.submit(one_thread.__enter__).result()
@@ -58,4 +51,21 @@ with ThreadPoolExecutor(1) as first, ThreadPoolExecutor(1) as second:
         now()
 now()
 """
-    assert run(BEGIN + code, **TWO) == ["1", "2", "1", "2", "1", "2", "2"]
+
+
+@pytest.fixture(scope="module")
+def shown() -> list[str]:
+    """Return what each block prints, and what several threads print, in one process."""
+    parts = [BEGIN, *BLOCKS, SEVERAL_THREADS]
+    return [part.strip() for part in " ".join(run("\nprint('|')\n".join(parts), **TWO)).split("|")]
+
+
+def test_a_block_has_one_thread_and_leaves_as_many_as_there_were(shown: list[str]) -> None:
+    assert shown[:-1] == ["", *BLOCKS.values()]
+
+
+def test_the_last_of_several_threads_to_leave_lifts_the_limit(shown: list[str]) -> None:
+    """OpenBLAS has one limit for the process, and threadpoolctl lets only the thread that set it
+    lift it.
+    """
+    assert shown[-1] == "1 2 1 2 1 2 2"

@@ -4,6 +4,7 @@ answers.
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import product
 from typing import Any
 
@@ -134,6 +135,7 @@ def policy(
     return (UNKNOWN, Tier.TUTOR) if guess == UNKNOWN else (guess, Tier.GUESS)
 
 
+@cache
 def asking(
     audit: float = 0.0, guess: int = UNKNOWN, said: int = UNKNOWN, bound: bool = False
 ) -> AskingState:

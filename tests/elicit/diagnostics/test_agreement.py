@@ -18,6 +18,7 @@ from elicit import (
     plot,
 )
 from tests.own_cases import Exact
+from tests.thoroughness import scaled
 
 matplotlib.use("Agg")
 K = 4
@@ -76,7 +77,7 @@ def test_without_answers_nothing_is_known_to_differ():
 
 
 def test_answers_and_logs_come_to_the_same_as_a_panel(tmp_path):
-    answers = answers_of({**ONE_SCHOOL, **OTHER})
+    answers = answers_of({**ONE_SCHOOL, **OTHER}, scaled(30, 60))
     found = agreement(answers, LABELS)
     assert found.groups == (("ann", "ben"), ("chen", "dora"))
     panel = Panel({name: PosteriorComparator(K, seed=0) for name in found.people})

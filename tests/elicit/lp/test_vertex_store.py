@@ -37,7 +37,7 @@ def test_what_is_left_out_follows_from_what_is_kept(seed: int) -> None:
     """All answers against the pruned set; and the same set, whatever the order they came in."""
     answers = rows = 0
     for i, case in enumerate(
-        cases([61, seed], scaled(2, 3) * len(KINDS), asks=3, most_levels=9, most_answers=60)
+        cases([61, seed], scaled(1, 3) * len(KINDS), asks=3, most_levels=9, most_answers=60)
     ):
         rng = np.random.default_rng(i)
         c, other = case.known(), PolytopeComparator(case.k, case.margin, case.prior, case.tie)
@@ -54,14 +54,14 @@ def test_what_is_left_out_follows_from_what_is_kept(seed: int) -> None:
                 assert (
                     (np.abs(mine - its) <= 1e-9 * np.abs(case.ask).sum(axis=1)) | (mine == its)
                 ).all(), case.kind
-    assert rows < answers - scaled(200, 300)
+    assert rows < answers - scaled(70, 300)
 
 
 @pytest.mark.parametrize(
     ("k", "checks"),
     [
         (2, 1),
-        (8, scaled(2, 3)),
+        (8, scaled(1, 3)),
         *(pytest.param(*each, marks=pytest.mark.slow) for each in [(3, 3), (20, 1)]),
     ],
 )
@@ -130,7 +130,8 @@ def test_very_many_levels() -> None:
     right = np.array([sign_of(row, truth) for row in ask])
     assert ((given == right) | (given == Verdict.UNKNOWN)).all()
     assert np.count_nonzero(given != Verdict.UNKNOWN) > 50
-    for i in (*np.flatnonzero(given == 1)[:2], *np.flatnonzero(given == 2)[:2]):
+    some = scaled(1, 2)
+    for i in (*np.flatnonzero(given == 1)[:some], *np.flatnonzero(given == 2)[:some]):
         t = tail_sums(ask[i])
         assert verdict(*(s * minimise_exactly(s * t, c.region).value for s in (1, -1))) == given[i]
 
@@ -141,8 +142,11 @@ def test_ten_thousand_answers_at_once(k: int) -> None:
     rng = np.random.default_rng(k)
     truth = draw_truth(rng, k - 1)
     d = shares(rng, k, 10_000)
+    at = tail_sums(d) @ np.array(truth, dtype=np.float64)
+    y, near = np.sign(at).astype(int), np.abs(at) < 1e-9
+    y[near] = answered(rng, d[near], truth)  # only there floats may be wrong
     begin = time.perf_counter()
-    c = PolytopeComparator(k).update(Answers(d, answered(rng, d, truth)))
+    c = PolytopeComparator(k).update(Answers(d, y))
     assert time.perf_counter() - begin < 20.0  # it takes a seventh of a second
     assert rows_kept(c) < 200
     assert (c.compare(d) == c.answers.y).all()

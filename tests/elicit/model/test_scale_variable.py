@@ -32,13 +32,17 @@ def in_cvxpy(text, e):
     return eval(text, {f"e{i + 1}": e[i] for i in range(e.size)})
 
 
-def test_it_stands_for_the_scale_and_needs_cvxpy_only_when_called():
+def test_it_stands_for_the_scale():
     e = elicit.scale_variable(4)
     assert (e.shape, e.name()) == ((4,), "e")
     assert not any(e.attributes.values())
     for k in (1, 2.5, "4"):
         with pytest.raises(ValueError, match="k, the number of levels"):
             elicit.scale_variable(k)
+
+
+@pytest.mark.slow
+def test_it_needs_cvxpy_only_when_called():
     code = (
         "import sys, elicit; elicit.PolytopeComparator(4, prior=['e3 >= 0.2']); from elicit import "
         "scale_variable; "

@@ -323,14 +323,27 @@ def test_an_asker_that_was_given_is_told_itself() -> None:
 
 
 def test_a_program_that_ends_without_closing_ends_at_once() -> None:
-    code = (
-        "import time\nfrom elicit import AnswerLog, Session\nfrom elicit.person.interview import "
-        "Interview, Subject\n"
-        "from tests.elicit.person.test_look_ahead import LEVELS, Slow\n"
-        "session = Session(Slow, AnswerLog())\nsession.current_asker().seconds = 1.0\n"
-        "interview = Interview(session, Subject(LEVELS, least=0))\n"
-        "interview.handle({'do': 'practised', 'choice': 'a'})\n"
-        "while not Slow.told:\n    time.sleep(0.01)\n"
-        "import atexit\natexit.register(lambda: print(len(Slow.told)))"
-    )
+    code = """
+import atexit, time
+import elicit
+class Slow:
+    told = []
+    def __init__(self, known):
+        rows = [[0.5, 0.0, 0.5], [0.0, 1.0, 0.0], [0.25, 0.5, 0.25]]
+        self.inner = elicit.choose(rows, elicit.Dominance(3), order=True, known=known)
+    def ask(self):
+        return self.inner.ask()
+    def tell(self, answers, on_conflict="raise"):
+        self.told.append(1)
+        time.sleep(1.0)
+        self.inner.tell(answers, on_conflict)
+    def result(self):
+        return self.inner.result()
+session = elicit.Session(Slow, elicit.AnswerLog())
+interview = elicit.Interview(session, elicit.Subject(tuple("abc"), least=0))
+interview.handle({"do": "practised", "choice": "a"})
+while not Slow.told:
+    time.sleep(0.01)
+atexit.register(lambda: print(len(Slow.told)))
+"""
     assert run(code) == ["1"]  # of four

@@ -120,9 +120,9 @@ def test_the_number_to_come_is_that_of_sessions_like_this_one(
     assert found.to_come == outlook_of(learning(())).to_come  # again the same
     least, most = found.to_come
     assert most - least < 15
-    scales = np.sort(np.random.default_rng(1).random((scaled(5, 10), 5)))
+    scales = np.sort(np.random.default_rng(1).random((scaled(3, 10), 5)))
     to_come = [len(to_its_end(copy.deepcopy(asker), values)) - 1 for values in scales]
-    assert sum(least <= n <= most for n in to_come) >= scaled(4, 7)
+    assert sum(least <= n <= most for n in to_come) >= scaled(2, 7)
 
 
 def test_sessions_that_were_answered_alike_go_on() -> None:

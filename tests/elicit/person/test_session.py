@@ -4,6 +4,7 @@ import errno
 import os
 from collections.abc import Sequence
 from datetime import datetime
+from functools import cache
 from itertools import count
 from typing import Any
 
@@ -28,10 +29,10 @@ from elicit.asking.elicitation import Elicitation
 from elicit.asking.question import Pair
 from elicit.tutors.answer_log import CONTRADICTS
 from tests.interruptions import interrupted_at_each_line
-from tests.thoroughness import quick_first
+from tests.thoroughness import quick_first, scaled
 
 K = 5
-VECTORS = np.random.default_rng(0).dirichlet(np.ones(K), 14)
+VECTORS = np.random.default_rng(0).dirichlet(np.ones(K), 14)[: scaled(10, 14)]
 VALUES = [0, 10, 11, 40, 99]
 
 
@@ -60,6 +61,7 @@ def told(log: AnswerLog) -> list[tuple[Any, ...]]:
     return [(e.answer.query.id, e.answer.verdict, e.used, e.retracted) for e in log]
 
 
+@cache
 def by_hand() -> tuple[list[str], Any]:
     """The questions of an asker that is simply asked and told; and what comes out."""
     asker, ids = make(), []

@@ -8,7 +8,7 @@ import pytest
 from elicit import AnswerLog, Interview, PolytopeComparator, Query, Session, Subject, TruthfulTutor
 from elicit.person.showing import near_in_whole_numbers, show
 from qlearn import InteractivePolicyIteration, draw_values, policy_loss, random_mdp
-from tests.thoroughness import quick_first
+from tests.thoroughness import quick_first, scaled
 
 MDP, _ = random_mdp(12, 3, 5, discount=0.9, seed=3)
 SUBJECT = Subject(MDP.labels, least=0)
@@ -58,11 +58,14 @@ def test_killed_before_and_after_every_answer_and_undone_it_is_the_same(tmp_path
     values, whole = draw_values(5, 1), AnswerLog()
     answered(whole, values)
     ids = [entry.answer.query.id for entry in whole]
-    path = tmp_path / "log.jsonl"
+    path, undone = tmp_path / "log.jsonl", 0
     for i, entry in enumerate(whole):
         with AnswerLog(path) as log:
             assert [each.answer.query.id for each in log if not each.retracted] == ids[:i]
             log.append(entry.answer)  # and was killed before the asker was made anew
+        if i % scaled(3, 1) and entry is not whole[-1]:
+            continue
+        undone += 1
         with Session(make, path) as session, Interview(session, SUBJECT) as interview:
             screen = interview.handle({"do": "state"})
             assert (screen["question"] and screen["question"]["id"]) == (
@@ -72,7 +75,7 @@ def test_killed_before_and_after_every_answer_and_undone_it_is_the_same(tmp_path
             assert screen["question"]["id"] == ids[i]
             assert screen["question"]["rows"] == _rows(interview)
             answer_one(interview, screen, values)
-            assert session.status().withdrawn == i + 1
+            assert session.status().withdrawn == undone
     assert [e.answer.query.id for e in AnswerLog.read(path) if not e.retracted] == ids
 
 

@@ -157,7 +157,7 @@ def test_shrunk_to_a_segment_and_to_a_point():
         (drawn,) = areas(ax)
         assert drawn.get_linewidth() >= 1
         assert sum(mark.get_markerfacecolor() == "none" for mark in ax.lines) == rings
-        ax.figure.canvas.draw()
+        ax.figure.draw_without_rendering()
     only = PolytopeComparator(4, margin=1 / 3)  # the margin alone can leave no more than a point
     assert plot.corners(only) == pytest.approx(np.full((len(plot.corners(only)), 3), 1 / 3))
 
@@ -453,6 +453,7 @@ def test_axes_are_used_or_made(draw):
     assert len(plt.get_fignums()) == 2
 
 
+@pytest.mark.slow
 def test_only_drawing_needs_matplotlib_and_the_error_names_what_to_install():
     code = (
         "sys.modules['matplotlib'] = None; import elicit, elicit.plot as p; "
@@ -467,7 +468,7 @@ def test_only_drawing_needs_matplotlib_and_the_error_names_what_to_install():
 
 
 def sticks_out(ax):
-    ax.figure.canvas.draw()
+    ax.figure.draw_without_rendering()
     legend, whole = ax.get_legend().get_window_extent(), ax.figure.bbox
     return min(legend.x0, legend.y0) < -1 or legend.x1 > whole.x1 + 1 or legend.y1 > whole.y1 + 1
 

@@ -71,7 +71,7 @@ def test_a_comparator_without_a_proven_box_leaves_nothing_out():
 
 @pytest.mark.parametrize("wrong", [0, 1])
 def test_a_run_that_screens_asks_the_same_and_counts_every_alternative(monkeypatch, wrong):
-    mdp, values = random_mdp(300, 4, 5, rng=3)
+    mdp, values = random_mdp(scaled(60, 300), 4, 5, rng=3)
     monkeypatch.setattr(warm_planning, "LARGE", 0)
     found = []
     for large in (10**12, 0):

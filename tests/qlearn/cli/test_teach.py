@@ -28,6 +28,7 @@ from qlearn.cli.teach_subjects import read_alternatives, taught_by
 from qlearn.problems import FAMILIES
 from tests.interpreter import run
 from tests.scripted_person import Teach, Typing, answer_all, truthful
+from tests.thoroughness import scaled
 
 LEVELS = [f"level {i}" for i in range(1, 6)]
 VALUES = dict(zip(LEVELS, draw_values(5, 7).tolist(), strict=True))
@@ -392,7 +393,8 @@ def test_words_for_keys_undo_and_quit(
 def test_at_the_end_the_keys_of_the_end_are_said(
     table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    _, shown, _ = taught("a\n1\n" * 30, monkeypatch, capsys, table)
+    options = ("--tolerance", scaled("0.1", "0.01"))
+    _, shown, _ = taught("a\n1\n" * 30, monkeypatch, capsys, table, *options)
     after = " ".join(shown[shown.index("Enter: what was learned") :].split())
     assert (
         "'1' is no answer here. Enter: what was learned; m: more questions; u: take back" in after
@@ -524,7 +526,7 @@ def test_answers_that_do_not_go_together_are_said_and_change_with_the_comparator
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    careless = "".join(f"{key}\n" for key in random.Random(2).choices("ab", k=40))
+    careless = "".join(f"{key}\n" for key in random.Random(2).choices("ab", k=scaled(12, 40)))
     taught(
         careless,
         monkeypatch,
@@ -775,7 +777,8 @@ def test_a_family_is_taught_in_its_own_words_and_a_seed_draws_it(
     lets_answer: Callable[..., str], tmp_path: Path
 ) -> None:
     hidden = {"ruined": 0.0, "in training": 0.1, "in a steady post": 0.3, "famous": 1.0}
-    shown = lets_answer(hidden, "--problem", "career", "--seed", "4", "--log", "log.jsonl")
+    more = ("--log", "log.jsonl", "--tolerance", scaled("0.05", "0.01"))
+    shown = lets_answer(hidden, "--problem", "career", "--seed", "4", *more)
     mdp = FAMILIES["career"](4)
     header = AnswerLog.read(tmp_path / "log.jsonl").header
     assert (header["problem"], header["unit"], header["labels"]) == (

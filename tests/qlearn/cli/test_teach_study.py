@@ -8,9 +8,11 @@ import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import redirect_stdout
 from http.client import HTTPException
 from io import StringIO
 from pathlib import Path
+from shutil import copytree
 from typing import Any
 
 import pytest
@@ -192,18 +194,25 @@ def test_options_that_are_for_one_person(capsys: pytest.CaptureFixture[str]) -> 
             main(["teach", "--web", *wrong])
 
 
+@pytest.fixture(scope="module")
+def answered(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the logs of two people who chose always A, or always B, of a table."""
+    folder = tmp_path_factory.mktemp("answered")
+    with pytest.MonkeyPatch.context() as here, redirect_stdout(StringIO()):
+        here.chdir(folder)
+        Path("care.csv").write_text(TABLE)
+        for who, key in (("ann", "a"), ("<b>ben</b>", "b")):
+            here.setattr(sys, "stdin", StringIO(f"{key}\n1\n" * 7))
+            options = ("--problem", "care.csv", "--unit", "patients", "--seed", "2", "--who", who)
+            assert main(["teach", *options]) == 0
+    return folder
+
+
 @pytest.fixture
-def logs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> list[str]:
-    """The logs of two people who chose always A, or always B, of a table."""
+def logs(answered: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The logs of these people, in the current folder."""
+    copytree(answered, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
-    Path("care.csv").write_text(TABLE)
-    for who, key in (("ann", "a"), ("<b>ben</b>", "b")):
-        monkeypatch.setattr(sys, "stdin", StringIO(f"{key}\n1\n" * 7))
-        options = ("--problem", "care.csv", "--unit", "patients", "--seed", "2", "--who", who)
-        assert main(["teach", *options]) == 0
-    capsys.readouterr()
     return ["answers-care-ann.jsonl", "answers-care-b-ben-b.jsonl"]
 
 

@@ -5,12 +5,14 @@ taken is lost.
 import errno
 import random
 import re
+import socket
 import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from http.client import HTTPException
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -184,6 +186,7 @@ def test_without_room_it_says_so_and_goes_on_once_there_is_some(
     assert (told(log), policy_of(log)) == (undisturbed.told, undisturbed.policy)
 
 
+@pytest.mark.slow
 def test_a_log_that_cannot_be_gone_on_with_is_said_before_there_is_an_address(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -203,6 +206,30 @@ def test_a_log_that_cannot_be_gone_on_with_is_said_before_there_is_an_address(
     log.write_bytes(whole + b'{"event": "answered", "id": "x')  # a torn line is no fault
     with TeachWeb(tmp_path, "--problem", "random") as teach:
         assert teach.visitor.screen()["answered"] == answered
+
+
+def test_a_log_or_a_port_in_use_and_a_broken_log_are_said_before_there_is_an_address(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "stdin", StringIO("a\na\na\nq\n"))
+    assert main(["teach", "--problem", "random", "--comparator", "polytope"]) == 0
+    capsys.readouterr()
+    log = tmp_path / "answers-random.jsonl"
+    answered = told(log)
+    assert len(answered) == 2  # the first key answers the practice question
+    with AnswerLog(log):
+        assert "answers-random.jsonl is being written to by another AnswerLog" in refused(capsys)
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = f"{taken.getsockname()[1]}"
+        said = refused(capsys, "--log", "other.jsonl", "--port", port)
+        assert f"cannot listen on 127.0.0.1, port {port}: Address already in use" in said
+    whole = log.read_bytes()
+    middle = len(whole) // 2
+    log.write_bytes(whole[:middle] + bytes([whole[middle] ^ 4]) + whole[middle + 1 :])
+    assert re.search(r"line \d+ of answers-random\.jsonl", refused(capsys))
+    log.write_bytes(whole + b'{"event": "answered", "id": "x')  # a torn line is no fault
+    assert told(log) == answered
 
 
 def test_a_log_that_may_not_be_written_is_said(

@@ -32,6 +32,7 @@ from qlearn.experiments.settings import ORDER, TUTORS, AblationSettings, Setting
 from qlearn.learners.exploration import EXPLORATIONS
 from qlearn.problems import FAMILIES
 from tests.sweep_cases import TINY
+from tests.thoroughness import quick_first, thorough
 
 
 def text_of(frame: pd.DataFrame) -> str:
@@ -48,14 +49,19 @@ def test_rows_are_the_same_on_one_process_and_on_two_computed_or_read_back(
 ) -> None:
     journal = tmp_path / "journal"
     seen: list[tuple[int, int]] = []
-    part = TINY | {
+    settings = TINY
+    if not thorough():
+        few = {"comparators": ["always", "polytope"], "error_rates": (0.15,)}
+        settings = TINY | few | {"learners": ["q-learning", "value-iteration"]}
+        frame = ablate(**settings, jobs=1)
+    part = settings | {
         "comparators": ["polytope"],
         "error_rates": [0.15],
         "learners": ["value-iteration"],
     }
     first = ablate(**part, jobs=1, journal=journal)  # three runs of the whole
     assert first.comparator.tolist() == ["always", "polytope", "polytope"]  # the oracle always runs
-    whole = ablate(**TINY, jobs=2, journal=journal, progress=lambda *now: seen.append(now))
+    whole = ablate(**settings, jobs=2, journal=journal, progress=lambda *now: seen.append(now))
     assert seen[0] == (3, len(frame))
     assert text_of(whole) == text_of(frame)
 
@@ -64,7 +70,7 @@ def test_rows_are_the_same_on_one_process_and_on_two_computed_or_read_back(
     seen.clear()
     # an oracle is among the missing; and a default is the same setting, named or not
     resumed = ablate(
-        **TINY, particles=1000, jobs=1, journal=journal, progress=lambda *now: seen.append(now)
+        **settings, particles=1000, jobs=1, journal=journal, progress=lambda *now: seen.append(now)
     )
     assert seen == [(done, len(frame)) for done in range(len(frame) - 4, len(frame) + 1)]
     assert text_of(resumed) == text_of(frame)
@@ -359,7 +365,7 @@ def test_a_row_says_what_asking_nothing_loses(frame: pd.DataFrame) -> None:
     assert "\nnone " not in table(summarise(old))
 
 
-@pytest.mark.parametrize("problem", ["frozen-lake", "deep-sea-treasure"])
+@pytest.mark.parametrize("problem", quick_first(["frozen-lake", "deep-sea-treasure"], 1))
 def test_known_tasks_are_problems_too(problem: str) -> None:
     pytest.importorskip("mo_gymnasium")
     settings = TINY | {

@@ -20,6 +20,7 @@ from qlearn.experiments.ablation import ablate
 from qlearn.experiments.compile_ahead import parts
 from qlearn.experiments.parallel import Interrupted, sweep
 from tests.sweep_cases import CELLS, TINY, deadly, row, where
+from tests.thoroughness import scaled
 
 ROOT = Path(__file__).parents[3]
 
@@ -117,7 +118,8 @@ def now():
 now()
 for _ in range(2):
     with joblib.parallel_config(backend="threading", n_jobs=3):
-        print(*{n for found in sweep(where, CELLS[:7]) for n in found["threads"]})
+        found = sweep(where, CELLS[:7], shared={"pause": 0.02})
+        print(*{n for one in found for n in one["threads"]})
     now()
 with threadpool_limits(1):
     now()
@@ -320,7 +322,8 @@ def test_kill_9_of_the_whole_run_loses_at_most_the_rows_in_flight_and_ends_its_w
     tmp_path: Path,
 ) -> None:
     journal, log = tmp_path / "journal", tmp_path / "log"
-    cells = [{"x": x, "name": "k"} for x in range(30)]
+    n = scaled(16, 30)
+    cells = [{"x": x, "name": "k"} for x in range(n)]
     shared = {"log": str(log), "pause": 0.05}
     code = (
         "from pathlib import Path; from qlearn.experiments.parallel import sweep; from "
@@ -334,7 +337,7 @@ def test_kill_9_of_the_whole_run_loses_at_most_the_rows_in_flight_and_ends_its_w
         workers = psutil.Process(child.pid).children(recursive=True)
         child.send_signal(signal.SIGKILL)
     kept = lines(journal)
-    assert 5 <= kept < 30
+    assert 5 <= kept < n
     deadline = time.monotonic() + 30
     while any(
         worker.is_running() and worker.status() != psutil.STATUS_ZOMBIE for worker in workers
@@ -349,8 +352,8 @@ def test_kill_9_of_the_whole_run_loses_at_most_the_rows_in_flight_and_ends_its_w
         row, cells, shared=shared, journal=journal, jobs=2, progress=lambda *now: seen.append(now)
     )
     assert text(found) == text(sweep(row, cells, jobs=1))
-    assert seen[0] == (kept, 30)
-    assert computed(log).total() == 30 - kept
+    assert seen[0] == (kept, n)
+    assert computed(log).total() == n - kept
 
 
 def test_a_journal_has_one_writer_at_a_time(tmp_path: Path) -> None:

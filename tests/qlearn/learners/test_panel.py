@@ -34,7 +34,7 @@ LEARNERS = {
     "policy": partial(qlearn.InteractivePolicyIteration, tolerance=0.01),
     "value": partial(qlearn.InteractiveValueIteration, tolerance=0.01),
     "late value": partial(qlearn.LateValueIteration, tolerance=0.01),
-    "q": partial(qlearn.InteractiveQLearning, steps=scaled(150, 1500), indifference=0.002),
+    "q": partial(qlearn.InteractiveQLearning, steps=scaled(60, 1500), indifference=0.002),
 }
 
 SLOW = pytest.mark.slow

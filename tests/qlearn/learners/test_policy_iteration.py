@@ -132,12 +132,13 @@ def test_it_asks_a_fraction_of_what_value_iteration_asks():
 @given(seed=some.integers(0, 10_000), k=some.integers(2, 6), answers=some.integers(0, 12))
 def test_the_bound_is_never_below_the_loss_at_any_time_of_any_learner(seed, k, answers):
     mdp, values = random_mdp(12, 3, k, discount=0.9, rng=seed)
+    steps = scaled(100, 300)
     makers = (
         partial(InteractivePolicyIteration, tolerance=1e-4),
         partial(InteractiveValueIteration, tolerance=1e-3),
         partial(LateValueIteration, tolerance=1e-3),
-        partial(InteractiveQLearning, steps=300, epsilon=1.0),
-        partial(LateQLearning, steps=300, epsilon=1.0),
+        partial(InteractiveQLearning, steps=steps, epsilon=1.0),
+        partial(LateQLearning, steps=steps, epsilon=1.0),
     )
     for make in makers:
         learner, tutor = make(mdp, PolytopeComparator(k)), TruthfulTutor(values)

@@ -8,25 +8,33 @@ import pytest
 from elicit.model.pairs import same_pairs
 from tests import older_processor
 from tests.interpreter import run
-from tests.processor_cases import RECORD, Run, half_done, report, resumed, runs
+from tests.processor_cases import RECORD, Run, half_done, line_of, resumed, runs
 from tests.scale_arithmetic import tail_sums
 from tests.thoroughness import quick_first
 
+RECORDED = RECORD.read_text(encoding="utf-8").splitlines()
 
-def test_every_processor_asks_what_is_recorded() -> None:
+
+@pytest.mark.parametrize(
+    ("case", "recorded"),
+    [pytest.param(*each, id=each[0].name) for each in zip(runs(), RECORDED, strict=True)],
+)
+def test_every_processor_asks_what_is_recorded(case: Run, recorded: str) -> None:
     """`make test-portable` runs this as on an older processor: see CONTRIBUTING.md."""
-    here = report()
-    assert here == RECORD.read_text(encoding="utf-8").splitlines()
-    assert len(here) == 14
-    assert [line for line in here if ", 0 again," not in line] == []
-    assert sum(int(re.findall(r": (\d+) ", line)[0]) for line in here) > 150
+    assert line_of(case) == recorded
+
+
+def test_what_is_recorded_are_many_questions_and_none_twice() -> None:
+    assert len(RECORDED) == 14
+    assert [line for line in RECORDED if ", 0 again," not in line] == []
+    assert sum(int(re.findall(r": (\d+) ", line)[0]) for line in RECORDED) > 150
 
 
 @pytest.mark.slow
 def test_an_older_processor_asks_the_same() -> None:
     code = "from tests.processor_cases import report; print(*report(), sep='\\n')"
     there = run(code, **older_processor.environment(), ELICIT_COMPILE_FIRST="")
-    assert there == RECORD.read_text(encoding="utf-8").splitlines()
+    assert there == RECORDED
 
 
 PLANNED = [

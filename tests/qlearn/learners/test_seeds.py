@@ -11,13 +11,13 @@ import pytest
 
 import qlearn
 from elicit import PolytopeComparator, TruthfulTutor
-from tests.thoroughness import on_any_processor, quick_first
+from tests.thoroughness import on_any_processor, quick_first, scaled
 
 Make = Callable[..., Any]
 MDP, VALUES = qlearn.random_mdp(8, 3, 4, discount=0.9, seed=0)
 LEARNERS = [
-    partial(qlearn.InteractiveQLearning, steps=300),
-    partial(qlearn.LateQLearning, steps=300),
+    partial(qlearn.InteractiveQLearning, steps=scaled(60, 300)),
+    partial(qlearn.LateQLearning, steps=scaled(60, 300)),
     qlearn.InteractiveValueIteration,
     qlearn.LateValueIteration,
     qlearn.InteractivePolicyIteration,

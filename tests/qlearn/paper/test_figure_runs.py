@@ -27,10 +27,12 @@ from qlearn.paper.claims import (
     summarise_series,
 )
 from qlearn.paper.figure_runs import KEYS, figures, plan_of
+from tests.thoroughness import scaled
 
+STEPS = scaled(120, 250)
 TINY: dict[str, Any] = {
     "levels": (3, 5), "at_states": 8, "states": (8, 12), "at_levels": 5, "actions": 3, "seeds": 2,
-    "steps": 250,
+    "steps": STEPS,
     "n_boot": 10, "particles": 50, "thinned": (),
 }  # fmt: skip
 
@@ -49,7 +51,7 @@ def test_one_row_a_run_and_a_problem_of_both_series_once(frame: pd.DataFrame) ->
     assert set(frame.errs[~certain]) == {"10%"}
     assert set(frame.error_rate[~certain]) == {0.1}
     assert (frame.guess == 0).all()  # no budget
-    assert (frame.rounds == 250).all()
+    assert (frame.rounds == STEPS).all()
 
 
 def test_with_a_truthful_tutor_the_polytope_loses_exactly_nothing(frame: pd.DataFrame) -> None:
@@ -86,7 +88,7 @@ def test_runs_of_one_seed_are_those_of_the_ablation(frame: pd.DataFrame) -> None
         "noise": "logistic",
         "max_queries": None,
         "refit_growth": 0.2,
-        "steps": 250,
+        "steps": STEPS,
         "n_boot": 10,
     }
     other = ablate(
@@ -208,6 +210,7 @@ def test_warnings_are_counted_not_shown() -> None:
         "at_levels": 3,
         "seeds": 1,
         "comparators": ["box"],
+        "steps": 250,
     }
     quiet, loud = (
         figures(**part, tutors=["10%"], jobs=1, precision=precision) for precision in (300.0, 1e300)

@@ -6,13 +6,14 @@ import pytest
 from benchmarks.training.treasure import treasure
 from elicit import PolytopeComparator, TruthfulTutor, objectives
 from qlearn import InteractiveTraining, Status
+from tests.thoroughness import scaled
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_the_best_policy_of_deep_sea_treasure_is_found_and_proven_with_few_questions():
     problem = treasure()
     asked = []
-    for seed in range(8):
+    for seed in range(scaled(3, 8)):
         weights = np.random.default_rng(seed).dirichlet([1.0, 1.0])
         tutor = TruthfulTutor(objectives.values(weights))
         box = (np.zeros(2), np.ones(2))

@@ -25,7 +25,7 @@ from elicit.testing import check_comparator, sample_differences
 from tests.noisy_cases import pairs
 from tests.thoroughness import on_any_processor, scaled
 
-ALIKE = scaled(7, 12)
+ALIKE, TOLD = scaled((5, 20), (12, 40))  # people, and answers of each
 TWO_KINDS = EarlierPeople(
     6,
     300,
@@ -54,7 +54,8 @@ def alike(people: int, n: int = 40, seed: int = 0, k: int = 5) -> list[Answers]:
 @pytest.fixture(scope="module")
 def like() -> EarlierPeople:
     """Return the prior learned from twelve people who are alike, or from fewer."""
-    found = PosteriorComparator(5, like=alike(ALIKE)).like
+    particles = scaled(300, 1000)
+    found = PosteriorComparator(5, like=alike(ALIKE, TOLD), particles=particles).like
     assert found is not None
     return found
 
@@ -152,7 +153,7 @@ def test_how_far_people_differ_is_told_from_how_little_is_known_of_each(spread: 
 
 @on_any_processor
 def test_people_alike_are_learned_and_their_next_is_known_sooner(like: EarlierPeople) -> None:
-    assert (like.people, like.answers) == (ALIKE, 40 * ALIKE)
+    assert (like.people, like.answers) == (ALIKE, TOLD * ALIKE)
     assert sum(kind.share for kind in like.kinds) == pytest.approx(1, abs=1e-3)
     fresh = pairs(np.random.default_rng(1), 5, 200)
     decided, logs = np.zeros((2, 2))
@@ -186,7 +187,8 @@ def test_a_person_like_nobody_before_is_learned_all_the_same(like: EarlierPeople
 
 
 @on_any_processor
-def test_it_is_one_comparator_like_any_other() -> None:
+def test_it_is_one_comparator_like_any_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(earlier_people, "STEPS", scaled(6, earlier_people.STEPS))
     logs = alike(3, n=20)
     first, again = (PosteriorComparator(5, like=logs, particles=200) for _ in range(2))
     assert first.like == again.like
@@ -205,7 +207,10 @@ def test_it_is_one_comparator_like_any_other() -> None:
     assert (passed_on.draws.gaps == first.draws.gaps).all()
 
 
-def test_what_is_learned_depends_neither_on_order_nor_names_nor_seed() -> None:
+def test_what_is_learned_depends_neither_on_order_nor_names_nor_seed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(earlier_people, "STEPS", scaled(6, earlier_people.STEPS))
     logs = alike(3, n=6)
     by_name = dict(zip("abc", logs, strict=True))
     renamed = dict(zip("cab", logs, strict=True))
@@ -242,7 +247,8 @@ def test_of_several_deals_of_people_into_kinds_the_likeliest_fit_is_taken(
         return found
 
     monkeypatch.setattr(earlier_people, "_maximised", watched)
-    like = PosteriorComparator(5, like=alike(14, n=12), particles=200).like
+    monkeypatch.setattr(earlier_people, "STEPS", scaled(10, earlier_people.STEPS))
+    like = PosteriorComparator(5, like=alike(14, n=12), particles=scaled(60, 200)).like
     assert like is not None
     assert len(like.kinds) == 2 * earlier_people.FITS
     runs = earlier_people.DEALS + 1

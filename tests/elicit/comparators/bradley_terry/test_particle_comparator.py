@@ -418,7 +418,7 @@ def test_contradictory_answers_a_thousand_times(precision: float | None, lapse: 
 def test_nearly_identical_vectors_teach_nothing_and_far_ones_are_no_harm(
     precision: float | None,
 ) -> None:
-    answers = told(n=100)
+    answers = told(n=scaled(40, 100))
     c = PosteriorComparator(5, precision=precision)
     for d in (1e-12 * answers.d, np.zeros_like(answers.d)):
         after = c.update(Answers(d, answers.y))
@@ -443,9 +443,9 @@ def test_answers_about_vectors_near_the_greatest_number_end() -> None:
 @pytest.mark.parametrize("precision", [None, 100.0])
 @pytest.mark.parametrize("lapse", [0.0, 0.05])
 def test_all_answers_equal(precision: float | None, lapse: float) -> None:
-    answers = told(n=150)
+    answers = told(n=scaled(80, 150))
     c = PosteriorComparator(5, precision=precision, lapse=lapse, tie=0.0).update(
-        Answers(answers.d, np.zeros(150, int))
+        Answers(answers.d, np.zeros(len(answers), int))
     )
     assert_sane(c)
     if precision is None:
@@ -596,6 +596,7 @@ def test_the_first_equal_has_all_answers_taken_in_afresh(settings: dict[str, Any
     y = answers.y.copy()
     y[[25, 26, 33]] = 0
     answers = Answers(answers.d, y)
+    settings = {**settings, "particles": scaled(150, 1000)}
     start = PosteriorComparator(5, tie=0.05, **settings)
     sharp, after = start.update(answers[:25]), start.update(answers)
     assert_sane(after)
@@ -882,7 +883,7 @@ def a_data_set(i: int, most: int) -> tuple[int, Answers, Floats, float, Rng]:
 @on_any_processor
 def test_it_agrees_with_weighted_draws_of_the_prior_on_25_data_sets() -> None:
     squares = []
-    for i in range(scaled(8, 25)):
+    for i in range(scaled(4, 25)):  # of each number of levels one at least
         k, answers, d, lapse, rng = a_data_set(i, 12)
         g, _, w = weighted(rng, k, answers, lapse, 60_000)
         size = 1.0 / float((w**2).sum())
@@ -1125,9 +1126,9 @@ def test_it_decides_far_more_than_the_box() -> None:
     assert ours > 8 * literal > 0
 
 
-def chance_by_prior_draws(answers: Answers, d: Floats, tie: float, draws: int = 400_000) -> Floats:
+def chance_by_prior_draws(answers: Answers, d: Floats, tie: float) -> Floats:
     """The probability (n,) of the answer "left" by weighting plain draws from the prior."""
-    rng, p = np.random.default_rng(3), answers.k - 1
+    rng, p, draws = np.random.default_rng(3), answers.k - 1, scaled(120_000, 400_000)
     shape = np.exp(rng.uniform(math.log(0.2 / p), math.log(2.0 / p), draws))
     logs = np.log(rng.standard_gamma(shape[:, None] + 1.0, (draws, p)))
     logs += np.log(rng.random((draws, p))) / shape[:, None]
@@ -1149,7 +1150,7 @@ def chance_by_prior_draws(answers: Answers, d: Floats, tie: float, draws: int = 
     y = answers.y[:, None]
     each = np.where(y > 0, told_left, np.where(y < 0, told_right, 1 - told_left - told_right))
     weights = np.exp(np.log(np.maximum(each, TINY)).sum(axis=0))
-    assert weights.sum() ** 2 / (weights**2).sum() > 2000
+    assert weights.sum() ** 2 / (weights**2).sum() > scaled(1000, 2000)
     return np.asarray(left(d) @ weights / weights.sum())
 
 
@@ -1159,7 +1160,8 @@ def test_the_probability_of_an_answer_is_that_of_a_plain_sampler(ties):
     rng = np.random.default_rng(11)
     answers = answered(rng, pairs(rng, 4, 25), rng.dirichlet(np.ones(3)), 15.0, 0.1, ties)
     d = pairs(rng, 4, 30)
-    learned = PosteriorComparator(4, particles=4000, tie=0.1).update(answers)
+    particles = scaled(2000, 4000)
+    learned = PosteriorComparator(4, particles=particles, tie=0.1).update(answers)
     left, right = learned.answer_probability(d), learned.answer_probability(-d)
     assert np.abs(left - chance_by_prior_draws(answers, d, 0.1)).max() < 0.03
     assert (left + right) == pytest.approx(np.ones(30)) if not ties else (left + right < 1).all()

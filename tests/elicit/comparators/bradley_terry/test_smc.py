@@ -14,15 +14,24 @@ from scipy.integrate import quad
 from scipy.special import expit, gammaln, logit, logsumexp
 from scipy.stats import ks_2samp, kstest
 
-from elicit import Answers, PosteriorComparator
 from elicit._support.hashing import fold
 from elicit.comparators.bradley_terry import density as D
 from elicit.comparators.bradley_terry import density_float32 as R
 from elicit.comparators.bradley_terry import mcmc as M
 from elicit.comparators.bradley_terry import smc as P
 from elicit.comparators.bradley_terry.first_particles import LAPSE
-from tests.interpreter import report_of
-from tests.noisy_cases import MEAN, SD, Floats, Rng, log_gaps, log_terms, prior_of, widths_of
+from tests.interpreter import run
+from tests.noisy_cases import (
+    MEAN,
+    SD,
+    Floats,
+    Rng,
+    learned,
+    log_gaps,
+    log_terms,
+    prior_of,
+    widths_of,
+)
 from tests.scale_arithmetic import tail_sums
 from tests.thoroughness import examples, on_any_processor, scaled
 
@@ -413,9 +422,11 @@ def test_moves_leave_a_posterior_as_it_is(lapse: float | None, tie: float, last:
     """
     rng = np.random.default_rng(7)
     prior, laws = learning(prior_of(4, lapse=lapse), lapse is None, tie)
-    rows, tied = rows_of(rng, 4, 12)
-    x = prior_draws(rng, 3, scaled(1_000_000, 2_000_000) if tie else 150_000, laws=laws)
-    powers = np.r_[np.ones(11), last]
+    n = scaled(8, 12)
+    rows, tied = rows_of(rng, 4, n)
+    draws = scaled(250_000, 2_000_000) if tie else 150_000
+    x = prior_draws(rng, 3, draws, laws=laws)
+    powers = np.r_[np.ones(n - 1), last]
     logs = log_terms(np.exp(x[:, :3]), rows.T, tied, *lapses_and_widths(x, 3, prior)) @ powers
     w = np.exp(logs - logs.max())
     assert w.sum() ** 2 / (w**2).sum() > 3000
@@ -512,28 +523,10 @@ def test_what_moves_leave_is_the_greatest_squared_correlation() -> None:
     assert P.features(x, 4, 5.0) == pytest.approx(np.vstack([levels, levels[0]]))
 
 
-def report() -> list[str]:
-    """Return all results of a few small comparators, to the last bit."""
-    rng, lines = np.random.default_rng(5), []
-    d = rng.dirichlet(np.ones(4), 14) - rng.dirichlet(np.ones(4), 14)
-    y = np.sign(d @ [0, 0.2, 0.5, 1.0]).astype(int) * (np.arange(14) % 5 > 0)
-    settings: tuple[dict[str, Any], ...] = (
-        {},
-        {"precision": 30.0, "lapse": 0.0},
-        {"lapse": 0.05, "prior": "e3 >= 0.4", "shape": (1.0, 1.0), "tie": 0.0},
-    )
-    for more in settings:
-        c = PosteriorComparator(4, particles=30, seed=3, **more).update(Answers(d, y))
-        lines.append(
-            f"{[part.tobytes().hex() for part in c.draws]} {c.proposed} {c.accepted} "
-            f"{c.effective_size}"
-        )
-        lines.append(f"{c.compare(d).tolist()} {c.probability(d).tobytes().hex()}")
-    return lines
-
-
 @on_any_processor
 def test_compiled_and_plain_code_agree_to_the_last_bit_and_warn_of_nothing() -> None:
-    ours = report()
-    assert len("".join(ours)) > 5000
-    assert report_of(__name__) == ours
+    sizes = scaled((20, 9), (30, 14))
+    ours = learned(*sizes)
+    assert len("".join(ours)) > scaled(3000, 5000)
+    code = f"from tests.noisy_cases import learned; print(*learned{sizes}, sep='\\n')"
+    assert run(code, NUMBA_DISABLE_JIT="1") == ours

@@ -152,7 +152,7 @@ def test_a_lie_at_any_position_violates_no_bound(wrong: int) -> None:
     mdp, values = random_mdp(15, 3, 4, seed=5)
     truth = TruthfulTutor(values)
     lies = 0
-    for at in range(scaled(4, 12)):
+    for at in range(scaled(2, 12)):
         given = 0
 
         def tutor(query: Query, at: int = at) -> Answer:
@@ -174,7 +174,7 @@ def test_a_lie_at_any_position_violates_no_bound(wrong: int) -> None:
         truth_scaled = (values - values[0]) / (values[-1] - values[0])
         assert (low <= truth_scaled + 1e-9).all()
         assert (truth_scaled <= high + 1e-9).all()
-    assert lies >= scaled(3, 5)
+    assert lies >= scaled(2, 5)
 
 
 D, OTHER = np.array([0.0, 1.0, -0.5, 0.0]), np.array([0.0, 0.0, 1.0, -0.4])

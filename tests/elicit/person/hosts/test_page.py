@@ -2,7 +2,7 @@
 
 import re
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -29,10 +29,11 @@ from tests.browser_cases import (
 
 WIDE = {"width": 1100, "height": 760}
 NARROW = {"width": 390, "height": 844}
-# the quarter of a second in which no button works is a short one
+# the quarter of a second in which no button works is a short one, and so is the second between two
+# looks at what is computed beside
 HURRY = """
 const later = setTimeout
-window.setTimeout = (done, ms) => later(done, ms < 300 ? ms / 10 : ms)
+window.setTimeout = (done, ms) => later(done, ms < 300 || ms === 1000 ? ms / 10 : ms)
 """
 CONFLICTING = (
     "4 recovered and 6 died rather than 10 moderate",
@@ -137,6 +138,23 @@ def practise(page: Any) -> None:
     at(page, "Question 1")
 
 
+def practised(
+    windows: Windows,
+    server: Any,
+    size: dict[str, int] = WIDE,
+    verdicts: Sequence[int] = (),
+    **how: Any,
+) -> Any:
+    """Return a window at a question: the practice and these answers were before it was opened."""
+    server._interview.handle({"do": "practised", "choice": "a"})
+    session = server._interview._session
+    for verdict in verdicts:
+        session.answer(session.question().id, verdict)
+    page = windows.open(server, size, **how)
+    at(page, f"Question {1 + len(verdicts)}")
+    return page
+
+
 def name(page: Any, words: str) -> Any:
     return page.get_by_role("button", name=words, exact=True)
 
@@ -231,8 +249,7 @@ def test_a_session_by_keyboard(windows: Windows) -> None:
 
 def test_keys_that_are_held_or_meant_for_something_else_do_not_answer(windows: Windows) -> None:
     with served(windows.log) as server:
-        page = windows.open(server, hurry=False)
-        practise(page)
+        page = practised(windows, server, hurry=False)
         for key in (
             "Control+a",
             "Alt+a",
@@ -264,8 +281,7 @@ def test_keys_that_are_held_or_meant_for_something_else_do_not_answer(windows: W
 
 def test_a_reload_goes_on_where_it_was(windows: Windows) -> None:
     with served(windows.log) as server:
-        page = windows.open(server)
-        practise(page)
+        page = practised(windows, server)
         click(page, "b")
         at(page, "Question 2")
         before = page.inner_text(".body")
@@ -281,8 +297,7 @@ def test_a_reload_goes_on_where_it_was(windows: Windows) -> None:
 
 def test_the_browsers_back_closes_what_is_looked_at_beside_a_question(windows: Windows) -> None:
     with served(windows.log) as server:
-        page = windows.open(server)
-        practise(page)
+        page = practised(windows, server)
         click(page, "b")
         at(page, "Question 2")
         for name, heading in (("Your answers", "Your answers"), ("Pause", "Paused")):
@@ -301,8 +316,7 @@ def test_the_browsers_back_closes_what_is_looked_at_beside_a_question(windows: W
 
 def test_undo_and_taking_back_an_old_answer(windows: Windows) -> None:
     with served(windows.log) as server:
-        page = windows.open(server)
-        practise(page)
+        page = practised(windows, server)
         assert name(page, "Take back last answer").is_disabled()
         for n in (2, 3, 4):
             click(page, truthfully(page))
@@ -345,8 +359,7 @@ def test_undo_and_taking_back_an_old_answer(windows: Windows) -> None:
 
 def test_a_question_in_two_tabs_is_answered_once(windows: Windows) -> None:
     with served(windows.log) as server:
-        one = windows.open(server)
-        practise(one)
+        one = practised(windows, server)
         other = windows.open(server, NARROW)
         at(other, "Question 1")
         click(one, "a")
@@ -365,8 +378,7 @@ def test_a_question_in_two_tabs_is_answered_once(windows: Windows) -> None:
 
 def test_what_does_not_go_together_is_said_and_mended(windows: Windows) -> None:
     with served(windows.log, QUESTIONS[:3]) as server:
-        page = windows.open(server)
-        practise(page)
+        page = practised(windows, server)
         click(page, "b" if truthfully(page) == "a" else "a")
         at(page, "Question 2")
         click(page, truthfully(page))
@@ -389,8 +401,7 @@ def test_what_does_not_go_together_is_said_and_mended(windows: Windows) -> None:
 @pytest.mark.parametrize("size", [{"width": 1280, "height": 900}, NARROW], ids=["wide", "narrow"])
 def test_the_answers_stay_at_one_place(windows: Windows, size: dict[str, int]) -> None:
     with served(windows.log) as server:
-        page = windows.open(server, size)
-        practise(page)
+        page = practised(windows, server, size)
         places = []
         for number in range(2, 5):
             click(page, "a")
@@ -423,8 +434,7 @@ def test_levels_stand_in_line_on_both_sides(windows: Windows) -> None:
 
 def test_nothing_is_lost_when_the_program_stops(windows: Windows) -> None:
     with served(windows.log) as server:
-        page = windows.open(server)
-        practise(page)
+        page = practised(windows, server)
         port = server.port
     assert not windows.complaints
     click(page, "a")
@@ -578,20 +588,21 @@ def test_what_is_computed_beside_is_asked_for_until_it_is_there(windows: Windows
 
 
 def test_the_welcome_says_if_nothing_can_be_foreseen(windows: Windows) -> None:
-    replies = [False, True]
+    seen: list[str] = []
 
     def prospects(route: Any) -> None:
         if route.request.post_data_json["do"] != "prospects":
             route.continue_()
         else:
-            ready = replies.pop(0) if len(replies) > 1 else replies[0]
-            route.fulfill(json={"budgets": [], "settled": "", "ready": ready})
+            route.fulfill(json={"budgets": [], "settled": "", "ready": bool(seen)})
 
     with served(windows.log) as server:
         page = windows.open(server)
         page.route("**/api", prospects)
         page.reload()
-        page.get_by_text("Working out what this will likely prove").first.wait_for()
+        waiting = page.get_by_text("Working out what this will likely prove").first
+        waiting.wait_for()
+        seen.append(waiting.inner_text())
         page.get_by_text("How far each choice of time gets cannot be foreseen here.").wait_for()
         assert page.inner_text(".likely").endswith("You will see it as you go.")
 
@@ -698,8 +709,7 @@ def test_a_slow_question_says_so(windows: Windows) -> None:
 
     with served(windows.log, ask=Slow) as server:
         ready.set()
-        page = windows.open(server)
-        practise(page)
+        page = practised(windows, server)
         ready.clear()
         click(page, "a")
         page.get_by_text("Working out what comes next ...").wait_for()
@@ -728,6 +738,8 @@ def fits(page: Any) -> None:
     [pytest.param(WIDE, id="wide", marks=pytest.mark.slow), pytest.param(NARROW, id="narrow")],
 )
 def test_every_screen_is_open_to_everybody_and_fits(windows: Windows, size: dict[str, int]) -> None:
+    """The screens until a result; those after it have a test of their own."""
+
     def check() -> None:
         violated(page)
         fits(page)
@@ -755,8 +767,21 @@ def test_every_screen_is_open_to_everybody_and_fits(windows: Windows, size: dict
         at(page, "Question 3")
         name(page, "Take back last answer").click()
         at(page, "Question 2")
-        click(page, "a" if "10 moderate" in page.locator(".card").first.inner_text() else "b")
-        at(page, "Question 3")
+
+
+@pytest.mark.parametrize(
+    "size",
+    [pytest.param(WIDE, id="wide", marks=pytest.mark.slow), pytest.param(NARROW, id="narrow")],
+)
+def test_every_screen_of_a_result_in_conflict_is_open_to_everybody_and_fits(
+    windows: Windows, size: dict[str, int]
+) -> None:
+    def check() -> None:
+        violated(page)
+        fits(page)
+
+    with served(windows.log, QUESTIONS[:3]) as server:
+        page = practised(windows, server, size, [1, 1])  # moderate is better than 6 in 10
         click(page, "equal")
         at(page, "Result")
         check()
@@ -800,8 +825,7 @@ def test_odd_names_many_levels_and_large_numbers_are_only_shown(
                 ODD_WORDS,
             )
         )
-        page = windows.open(server)
-        practise(page)
+        page = practised(windows, server)
         for size in (WIDE, NARROW):
             page.set_viewport_size(size)
             fits(page)
@@ -851,8 +875,7 @@ def test_where_the_browser_is_missing_a_user_is_told_and_ci_fails(
 
 def test_an_answer_against_the_order_of_the_levels_stands_alone(windows: Windows) -> None:
     with served(windows.log, bags(((0, 0, 10), (10, 0, 0)))) as server:
-        page = windows.open(server)
-        practise(page)
+        page = practised(windows, server)
         click(
             page, "b" if "10 recovered" in clean(page.locator(".card").first.inner_text()) else "a"
         )
@@ -926,8 +949,7 @@ def test_a_contradiction_is_brought_up_at_once_and_mended_with_one_tap(
     windows: Windows, size: dict[str, int]
 ) -> None:
     with served(windows.log, QUESTIONS[:2], least=1) as server:
-        page = windows.open(server, size, **DARK)
-        practise(page)
+        page = practised(windows, server, size, **DARK)
         contradicts(page)
         stage(page, "conflict")
         assert page.inner_text("h1") == "These two answers contradict each other"
@@ -953,8 +975,7 @@ def test_a_contradiction_is_brought_up_at_once_and_mended_with_one_tap(
 
 def test_the_whole_card_answers(windows: Windows) -> None:
     with served(windows.log) as server:
-        page = windows.open(server)
-        practise(page)
+        page = practised(windows, server)
         page.locator(".card").nth(1).click(position={"x": 30, "y": 60})
         at(page, "Question 2")
     assert len(windows.entries()) == 1
@@ -965,8 +986,7 @@ def test_the_second_click_of_a_double_click_does_not_answer_the_next_question(
 ) -> None:
     """Even if it is so slow that the next question takes answers already."""
     with served(windows.log) as server:
-        page = windows.open(server)
-        practise(page)
+        page = practised(windows, server)
         for n, answers in ((1, 1), (2, 1)):
             at(page, f"Question {n}")
             box = page.locator("[data-choice='a']").bounding_box()
@@ -983,8 +1003,7 @@ def test_a_button_shows_its_arrow_and_its_letter_and_a_narrow_page_no_keys(
     windows: Windows,
 ) -> None:
     with served(windows.log) as server:
-        page = windows.open(server)
-        practise(page)
+        page = practised(windows, server)
         keys = page.locator(".pick kbd")
         assert keys.all_text_contents() == ["←", "A", "→", "B"]
         said = page.locator("#elicit-letters")
@@ -1000,8 +1019,7 @@ def test_the_first_question_with_bars_instead_of_circles_says_why(windows: Windo
     few, many = ((0, 10, 0), (6, 0, 4)), ((0, 100, 0), (43, 0, 57))
     questions = bags(few, many, ((0, 100, 0), (47, 0, 53)))
     with served(windows.log, questions) as server:
-        page = windows.open(server)
-        practise(page)
+        page = practised(windows, server)
         for n, said in ((1, 0), (2, 1), (3, 0)):
             at(page, f"Question {n}")
             assert page.locator(".bars").count() == said
@@ -1010,8 +1028,7 @@ def test_the_first_question_with_bars_instead_of_circles_says_why(windows: Windo
 
 def test_single_letters_can_be_switched_off_and_stay_off(windows: Windows) -> None:
     with served(windows.log) as server:
-        page = windows.open(server)
-        practise(page)
+        page = practised(windows, server)
         said = page.locator(".letters")  # beside the switch, not only under a pointer
         assert said.text_content() == "Letter keys: on A, B, ? and U work"
         name(page, "Letter keys: on").click()
@@ -1063,8 +1080,7 @@ def test_a_long_table_of_changes_is_folded_and_filtered(windows: Windows) -> Non
         headline="Your plan is settled.", reason="By 3.", changes=table, settled=True
     )
     with served(windows.log, QUESTIONS[:1], conclude=lambda *_: concluded) as server:
-        page = windows.open(server)
-        practise(page)
+        page = practised(windows, server)
         click(page, truthfully(page))
         at(page, "Result")
         assert page.inner_text("h1") == "Your plan is settled."

@@ -639,6 +639,7 @@ def test_after_close_nothing_listens_and_the_session_goes_on(session: Session) -
         assert visitor.cookie.split("=")[0] == f"elicit-{server.port}"
 
 
+@pytest.mark.slow
 def test_a_missing_package_is_named() -> None:
     code = (
         "import sys\nfrom elicit.person.hosts.web import WebServer\nfor package in ('starlette', "

@@ -124,6 +124,7 @@ def test_the_front_end_is_the_page_s_and_stands_alone(widget):
     assert ".elicit" in state["_css"]
 
 
+@pytest.mark.slow
 def test_without_the_extra_it_says_what_to_install_and_everything_else_works():
     code = (
         "import sys; sys.modules['anywidget'] = None\n"
