@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import NamedTuple, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import Comparator, bounds_of, offers
@@ -168,10 +169,8 @@ def scale_rows(
     low, high = np.array(above).max(axis=0)
     values = 100.0 * best_guess(comparator)
     alone = np.zeros(k, np.bool_)
-    if log is not None and (found := _by_answers_alone(comparator)) is not None:
-        alone[1:-1] = (high - low < _OF_ALONE * (found[1] - found[0]))[1:-1]
-        low = np.where(alone, np.minimum(low, found[0]), low)
-        high = np.where(alone, np.maximum(high, found[1]), high)
+    if log is not None:
+        low, high, alone = with_answers_alone(comparator, low, high)
     # rounded outwards, so that the statement holds
     low = np.clip(np.floor(100.0 * low + 1e-6), 0, 100)
     high = np.clip(np.ceil(100.0 * high - 1e-6), 0, 100)
@@ -191,6 +190,25 @@ def scale_rows(
         row = ScaleRow(printable(label), float(values[level]), *ends, has, known, rough, own)
         rows.append(row)
     return rows[::-1]
+
+
+def with_answers_alone(
+    comparator: Comparator, low: Floats, high: Floats
+) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """Return a comparator's bounds (k,) on values, and which are widened to those of answers alone.
+
+    They are widened where they are less than half as wide as what the answers alone leave.
+    """
+    alone = np.zeros(len(low), np.bool_)
+    found = _by_answers_alone(comparator)
+    if found is None:
+        return low, high, alone
+    alone[1:-1] = (high - low < _OF_ALONE * (found[1] - found[0]))[1:-1]
+    return (
+        np.where(alone, np.minimum(low, found[0]), low),
+        np.where(alone, np.maximum(high, found[1]), high),
+        alone,
+    )
 
 
 def _by_answers_alone(comparator: Comparator) -> tuple[Floats, Floats] | None:

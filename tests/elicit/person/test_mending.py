@@ -143,6 +143,11 @@ def test_at_the_end_the_checks_left_are_counted() -> None:
             screen = answered(interview, screen, choice(session, 0.65))
     left = range(len(ranges) - 1, -1, -1)
     assert all(least <= n for (least, _, _), n in zip(ranges, left, strict=True))
+    # until only checks are left, an answer may make further questions needed
+    assert all(
+        found is None or found[0] <= n <= found[1]
+        for (_, found, _), n in zip(ranges, left, strict=True)
+    )
     at_end = [(n, found) for (_, found, over), n in zip(ranges, left, strict=True) if over]
     assert len(at_end) > 2
     assert [found for n, found in at_end[2:]] == [[n, n] for n, _ in at_end[2:]]

@@ -123,6 +123,12 @@ def test_a_plan_changes_only_what_is_certain_and_says_what_is_not_decided(
         if n and rest:
             note += f" In {rest} more your answers may change it, but do not decide it."
         assert changes.title == title
+        reason = re.fullmatch(rf"{title}(?:, (mostly )?for (.*))?\.", found_now.reason)
+        assert (reason is not None) == (n > 0)
+        if reason and reason[2]:
+            same = sum(row[3] == reason[2] for row in changes.rows)
+            assert n / 2 < same <= n
+            assert (same == n) == (reason[1] is None)
         if len(states):
             note += " “Why” names the level that matters most by the best guess."
         steps = "equal steps between the levels (each better than the one below it by the same "
