@@ -25,7 +25,7 @@ from elicit.person.course.choices import Choices
 from elicit.person.course.conduct import AGAIN, LEAST_CHECKS, ORDER, Conduct
 from elicit.person.course.consequences import Consequences
 from elicit.person.course.forecast import QuestionsLeft, Stated
-from elicit.person.course.level_questions import LEVEL, questions_left
+from elicit.person.course.level_questions import FURTHER, LEVEL, questions_left
 from elicit.person.course.offers import nearly_from
 from elicit.person.course.pace import Pace
 from elicit.person.drawing import MINUTES, Drawing
@@ -39,7 +39,6 @@ _CHECK = (
     "answer as before, the result stays as it is."
 )
 _ORDER = "This question checks that you see the levels in the order in which they are listed."
-_FURTHER = "This question makes sure that the result does not depend on too few answers."
 _FEWEST = (
     "“At least {n} more” are the answers and checks without which no result is called settled."
 )
@@ -248,6 +247,7 @@ class Beside(Closing):
         # questions about levels, this one included, after "ask me more" or until it is enough
         self._levels_left: tuple[int, int] | None = None
         self._no_others = False  # but those that are needed
+        self._may_change = False  # true if the answer to this question may make others needed
         self._needed = (0, 0)  # answers and checks that must still come after this question
 
     def start(self, steps: Iterator[None]) -> None:
@@ -362,6 +362,7 @@ class Beside(Closing):
         """
         self._conduct, self._needed, self._no_others = conduct, needed, no_others
         session, subject, now = self._session, self._subject, self._beside
+        self._may_change = not (session.is_repeat(shown.id) or shown.id.startswith(ORDER))
         asker = session.current_asker()
         enough, more = subject.enough, self._chosen.more
         if not subject.least or (subject.enough_is_slow and session.next_told() is not None):
@@ -472,7 +473,7 @@ class Beside(Closing):
         now = self._beside
         outlook = now.outlook if now is not None and now.shown == id else None
         if outlook is None:
-            why = [_FURTHER] if id.startswith(LEVEL) and not self._chosen.more else []
+            why = [FURTHER] if id.startswith(LEVEL) and not self._chosen.more else []
             why = [_CHECK] if id.endswith(AGAIN) else why
             return {
                 "id": id,
@@ -519,7 +520,10 @@ class Beside(Closing):
         """
         put, least = self._conduct.put, sum(self._needed)
         if self._no_others:
-            return [least, least]
+            if not self._may_change or self._subject.enough is None:
+                return [least, least]
+            shown = self._left.shown((least, least + _UNTIL_SURE), put, least)
+            return None if shown is None else [*shown]
         found = None
         if self._chosen.more:
             if self._levels_left is None:

@@ -18,15 +18,15 @@ from elicit.person.course.conclusion import (
     NOT_A_FORECAST,
     Conclusion,
     in_unit,
-    no_more,
     per_hundred,
+    up_to,
 )
-from elicit.person.course.conduct import Conduct, choice_of, was_settled
+from elicit.person.course.conduct import IN_CONFLICT, ORDER, Conduct, choice_of, was_settled
 from elicit.person.course.counts import Counts, in_answers, numbered
 from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
 from elicit.person.course.pace import Pace
-from elicit.person.findings import certainty, scale_notes, scale_rows
+from elicit.person.findings import certainty, guess_in_words, scale_notes, scale_rows
 from elicit.person.next_question import NextQuestion
 from elicit.person.outlook import Prospect
 from elicit.person.report import ReportDetails, report_page
@@ -111,8 +111,8 @@ class Drawing:
         asker = self._session.current_asker()
         level = trusted_share(asker.comparator) if isinstance(asker, Compares) else None
         return (
-            f"Without your answers the result could fall {per_hundred(loss)} short of your ideal "
-            f"one{no_more(level)}. That is {most}. {NOT_A_FORECAST}"
+            f"Without your answers the program's choice could miss the best one for you by "
+            f"{up_to(loss, level)}: {most}. {NOT_A_FORECAST}"
         )
 
     def _conflicts_found(self) -> tuple[tuple[Entry, ...], ...]:
@@ -182,7 +182,7 @@ class Drawing:
             ]
         if len(among) > 1:
             choices.append({"choice": "cannot tell", "label": "I am not sure"})
-        keep = "Keep them all" if len(among) > 1 else "Keep it"
+        keep = {1: "Keep it", 2: "Keep both"}.get(len(among), "Keep them all")
         choices.append({"choice": "later", "label": keep})
         return {
             "id": among[-1].answer.query.id,
@@ -200,12 +200,13 @@ class Drawing:
         they meant.
         """
         n = after.of - after.used
-        kept = f"It leaves {in_answers(n)} out." if n > 0 else ""
+        kept = f"{in_answers(n).capitalize()} would not count." if n > 0 else ""
         if not isinstance(after.asker, Compares):
             return kept
         names = [printable(self._subject.labels[i]) for i in levels]
         worth = [
-            f"“{row.label}” would be worth {row.low:.0f} to {row.high:.0f}."
+            f"“{row.label}” would be worth {guess_in_words(row.value, row.known, row.rough)} "
+            f"({row.low:.0f} to {row.high:.0f})."
             if (row.low, row.high) != (0.0, 100.0)
             else f"“{row.label}” would still be open (0 to 100)."
             for row in scale_rows(after.asker.comparator, self._subject.labels)
@@ -226,6 +227,10 @@ class Drawing:
         """Return the question of an answer, with its sides as the person saw them."""
         return replace(shown_of(self._subject, entry.answer.query), swapped=entry.answer.swapped)
 
+    def number_of(self, id: str) -> int:
+        """Return the number of an answer in lists and reports, by its query's id."""
+        return self._numbers()[id]
+
     def _numbers(self) -> dict[str, int]:
         """Return the number of each answer in lists and reports, by its query's id."""
         return {entry.answer.query.id: number for number, entry in numbered(self._session.log)}
@@ -242,8 +247,10 @@ class Drawing:
                 "time": entry.metadata.get("time"),
                 "withdrawn": entry.retracted,
                 "replaced": was_settled(entry),
+                "dropped": IN_CONFLICT in (entry.retraction or {}),
                 "used": entry.used,
                 "repeat": entry.repeat,
+                "order": entry.answer.query.id.startswith(ORDER),
             }
             for number, entry in numbered(self._session.log)
         ]
@@ -318,7 +325,7 @@ class Drawing:
             return [
                 {
                     "level": row["label"],
-                    "value": round(row["value"], 2) if row["known"] else None,
+                    "value": round(row["value"], 2) if row["known"] or row["rough"] else None,
                     "low": row["low"],
                     "high": row["high"],
                     "asked": row["asked"],
@@ -357,12 +364,12 @@ class Drawing:
         headline, said = found.headline, [*found.statements]
         after = f"{found.next} {found.more if left else ''}".strip()
         start = self._questions.at_start() if found.headline else None
-        size, sure, before = found.size, found.sure, found.before
+        size, sure, before, reason = found.size, found.sure, found.before, found.reason
         changes, plan = found.changes, found.plan
         may_be_near = found.headline and not found.settled and caution is None
         nearly = self._questions.nearly(conduct) if may_be_near else None
         if not conduct.with_verdict and start is not None and not start.finished:
-            size = sure = ""
+            size = sure = reason = ""
             changes, plan = None, None  # there is nothing yet that could hold or change
             after = found.more if left else ""
             before = "" if start.loss is None else self._before(start.loss)
@@ -378,15 +385,17 @@ class Drawing:
             after = f"A few more answers can change that. {after}" if left else after
             if_meant = f"If every answer is meant as it was given: {found.headline} {found.sure}"
             said.append(if_meant.strip())
-            size = sure = before = ""
+            size = sure = before = reason = ""
         elif nearly is not None:
             headline, sure, size = f"{nearly.heading}.", nearly.text, nearly.size
             checks = "" if conduct.passed else " More answers would also check those you gave."
             after = f"You can stop here.{checks or f' {found.more}' if left else ''}".strip()
-        back = counts.withdrawn
+        back = counts.withdrawn + counts.not_kept
         if back and found.settled and enough and caution is None:
-            those = "answer" if back == 1 else in_answers(back)
-            sure = f"{sure} The result does not use the {those} that you took back.".strip()
+            those, did = "answer" if back == 1 else in_answers(back), "took back"
+            if counts.not_kept:
+                did = f"{did} or did not keep" if counts.withdrawn else "did not keep"
+            sure = f"{sure} The result does not use the {those} that you {did}.".strip()
         if caution is not None:
             changes, plan = (
                 table and replace(table, note=f"This holds only {_IF_MEANT}. {table.note}")
@@ -397,6 +406,8 @@ class Drawing:
         settled = found.settled and caution is None and enough
         return {
             "headline": printable(headline),
+            "reason": printable(reason),
+            "source": printable(subject.source),
             "size": printable(size),
             "sure": printable(sure),
             "next": printable(after),
@@ -412,9 +423,7 @@ class Drawing:
             else None,
             "scale": scale,
             "by_chance": conduct.by_chance if subject.least else "",
-            "scale_notes": []
-            if known is None
-            else scale_notes(rows, known, settled=settled and left),
+            "scale_notes": [] if known is None else scale_notes(rows, known, settled=settled),
             "certainty": None
             if known is None
             else f"{certainty(known)}{'' if caution is None else f', {_IF_MEANT}'}",

@@ -422,7 +422,7 @@ class Interview(Closing):
             return self._screen()
         self._slipped = choice != obvious
         if not self._slipped:
-            return self._screen("Right. Now the real questions.")
+            return self._screen("That is how it works. Now the real questions.")
         worst, best = (printable(self._subject.labels[i]) for i in (0, -1))
         slip = ""
         if choice in ("a", "b"):

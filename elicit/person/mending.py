@@ -19,18 +19,23 @@ from elicit.person.session import Session
 from elicit.person.showing import Subject, printable
 from elicit.tutors.answer_log import REPEATS, Entry
 
-_AGAIN = "Check question: you answered this one before. Choose as you see it now."
+_AGAIN = (
+    "Check question: you answered this one before, perhaps with the sides the other way round. "
+    "Choose as you see it now."
+)
 _ORDER = "Check question: this one is about the order of the levels."
 # not called a check: the result does not count it as one
 _IMPLIED = (
-    "Your earlier answers already point to one side here. A second look guards against errors."
-)
-_IMPLIED_BY_ONE = (
-    "Your earlier answer already points to one side here. A second look guards against errors."
+    "What you answered before bears on this question too. Asking it guards against errors: say "
+    "what you think of it now."
 )
 _CHECK_TAKEN_BACK = (
     "This is the same check again, because you took back your answer to it. Your first answer to "
     "this question still stands. Choose as you see it now."
+)
+_NOT_KEPT = (
+    "This is the same question again: you did not keep your answer to it, which contradicted "
+    "another. Choose as you see it now."
 )
 _TAKEN_BACK = (
     "This is the same question again, because you took back your answer to it and it still tells "
@@ -58,19 +63,23 @@ class Mending:
 
     def check(self, query: Query) -> str:
         """Return a sentence on why a question comes that looks answered already, or ""."""
-        withdrawn = (e for e in self._session.log if e.retracted and not was_settled(e))
-        taken_back = any(entry.answer.query.id == query.id for entry in withdrawn)
+        withdrawn = [
+            entry
+            for entry in self._session.log
+            if entry.answer.query.id == query.id and entry.retracted and not was_settled(entry)
+        ]
+        taken_back = bool(withdrawn)
         if self._session.is_repeat(query.id):
             return _CHECK_TAKEN_BACK if taken_back else _AGAIN
         if taken_back:
-            return _TAKEN_BACK
+            return _NOT_KEPT if IN_CONFLICT in (withdrawn[-1].retraction or {}) else _TAKEN_BACK
         if query.id.startswith(ORDER):
             return _ORDER
         if not self._subject.least:
             return ""
         if not self._session.implied(query):
             return self._purpose_of(query)
-        return _IMPLIED_BY_ONE if len(self._session.log.standing) == 1 else _IMPLIED
+        return _IMPLIED
 
     def _purpose_of(self, query: Query) -> str:
         """Return sentences on the purpose of a question about a level, if nothing else is open."""
@@ -122,8 +131,10 @@ class Mending:
             for entry in among:
                 session.withdraw(entry.answer.query.id, **{IN_CONFLICT: True})
             return "Thank you. None of these answers is used."
-        became = self.take_back(choice.removeprefix("withdraw:"), **{IN_CONFLICT: True})
-        return f"Thank you.{became}"
+        gone = choice.removeprefix("withdraw:")
+        number = self._drawing.number_of(gone)
+        became = self.take_back(gone, **{IN_CONFLICT: True})
+        return f"Thank you. Answer {number} no longer counts.{became}"
 
     def _settle_repeat(self, first: Entry, last: Entry, choice: str) -> str:
         """Settle a repeat that was answered otherwise, and return a sentence on it."""

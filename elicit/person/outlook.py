@@ -38,7 +38,10 @@ _SECONDS_OF_PROSPECTS = 60.0  # time limit of all of them, except for a last ste
 # one question in so many is a check, which proves nothing new, and at least LEAST_CHECKS are
 _CHECKS = 5
 _NO_DIFFERENCE = 1e-12
-_WIDEN = "A range may widen after an answer that was not expected."
+_WIDEN = (
+    "Any one answer may be a slip: a range narrows once several agree, and may widen after an "
+    "answer that was not expected."
+)
 
 
 @dataclass(eq=False)
@@ -264,8 +267,7 @@ def what_is_open(shown: Shown, comparator: Comparator) -> str | None:
     said = []
     if known:
         share = trusted_share(comparator)
-        apiece = " each" if len(known) > 1 else ""
-        sure = "" if share is None else f" (with {share:.0%} probability{apiece})"
+        sure = "" if share is None else f" (with {share:.0%} probability at each end)"
         each = listed([f"{labels[j]} is between {a} and {b}" for j, (a, b) in known.items()])
         widen = "" if share is None else f" {_WIDEN}"
         said.append(f"So far {each}{sure}, on the scale {scale}.{widen}")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Any
 
-from elicit.person.course.counts import Counts
+from elicit.person.course.counts import Counts, in_answers
 from elicit.person.findings import guess_in_words
 
 _COLOURS = (
@@ -19,12 +20,12 @@ _COLOURS = (
     (8, 81, 156),
 )
 STYLE = """
-:root { --ink: #14202b; --soft: #4a5864; --line: #d9e0e6; --edge: #c9d2da; --back: #fff; --link: #0b4f8a;
+:root { --ink: #14202b; --soft: #4a5864; --line: #d9e0e6; --edge: #c9d2da; --back: #fff; --link: #0b4f8a; --tint: #e6f0f9;
   --warn: #b45f00; --warn-tint: #fff4dc; color-scheme: light dark; }
 @media screen and (prefers-color-scheme: dark) {
-  :root { --ink: #e8eef3; --soft: #aab8c4; --line: #3a4854; --edge: #3a4854; --back: #10161c; --link: #8cc4f5;
+  :root { --ink: #e8eef3; --soft: #aab8c4; --line: #3a4854; --edge: #3a4854; --back: #10161c; --link: #8cc4f5; --tint: #16324a;
     --warn: #e0923a; --warn-tint: #3a2a12; }
-  svg rect, svg circle[r="6"] { stroke: #97a5b1; }
+  svg rect, svg circle[r="6"], svg .rough { stroke: #97a5b1; }
 }
 svg text { fill: var(--soft); } svg line { stroke: var(--line); }
 body { margin: 2rem auto; max-width: 52rem; padding: 0 1rem; color: var(--ink); background: var(--back);
@@ -37,7 +38,9 @@ th, td { box-sizing: border-box; text-align: left; vertical-align: top; font-wei
   border-top: 1px solid var(--line); }
 thead th, thead td { font-size: .85rem; color: var(--soft); border-top: 0; vertical-align: bottom; }
 .number { text-align: right; } .guess { width: 20%; } .range { width: 15%; } .drawn { width: 43%; padding: 0 1.2rem; }
-.scale tbody * { vertical-align: middle; } .nr { width: 3.2rem; overflow-wrap: normal; } .when { width: 11.2rem; } .remarks { width: 28%; }
+.scale tbody * { vertical-align: middle; } .nr { width: 3.2rem; overflow-wrap: normal; } .when { width: 9.6rem; } .remarks { width: 20%; }
+.marked td { font-weight: 600; background: var(--tint); }
+.chosen { font-size: .85em; border: 1px solid var(--link); color: var(--link); border-radius: 6px; padding: 0 .4em; white-space: nowrap; }
 .levels th { width: 34%; }
 svg { display: block; width: 100%; overflow: visible; }
 .conflict { border: 1.5px solid var(--warn); background: var(--warn-tint); border-radius: 8px; padding: .2rem 1rem;
@@ -49,7 +52,8 @@ dl { display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1rem; fon
 dd { margin: 0; overflow-wrap: anywhere; }
 .log { border-top: 1px solid var(--edge); margin-top: 2rem; padding-top: .6rem; font-size: .85rem; }
 summary { cursor: pointer; color: var(--link); padding: .3rem 0; } details > table { margin-top: .4rem; }
-@media (min-width: 44rem) { .wide { table-layout: auto; } .wide th, .wide td { overflow-wrap: break-word; } }
+.wide td.number { white-space: nowrap; } .answers td:nth-child(3) { font-size: .85rem; }
+@media (min-width: 44rem) { .answers td:nth-child(3) { white-space: nowrap; } .wide { table-layout: auto; } .wide th, .wide td { overflow-wrap: break-word; } }
 @media (max-width: 34rem) {
   body { margin-top: 1rem; } table { font-size: .9rem; } th, td { padding: .3rem .2rem; }
   .scale, .scale thead, .scale tbody, .scale caption, .answers, .answers tbody { display: block; }
@@ -59,10 +63,11 @@ summary { cursor: pointer; color: var(--link); padding: .3rem 0; } details > tab
   .answers thead, .many thead { display: none; } .many, .many tbody { display: block; }
   .many tr { display: grid; grid-template-columns: 1fr 1fr; gap: 0 1.2rem; padding: .4rem 0; border-top: 1px solid var(--line); }
   .many td { border-top: 0; padding: .1rem 0; display: flex; justify-content: space-between; gap: .6rem; }
-  .many td:first-child { grid-column: 1 / -1; font-weight: 600; }
-  .many td:not(:first-child)::before { content: attr(data-head); color: var(--soft); }
-  .many td:is([data-head="Why"], [data-head^="With "], [data-head^="By "]) { grid-column: 1 / -1; justify-content: flex-start; }
-  .many td:is([data-head="Why"], [data-head^="With "], [data-head^="By "])::before { flex: 0 0 8.5rem; overflow-wrap: normal; }
+  .many td:first-child { grid-column: 1 / -1; font-weight: 600; justify-content: flex-start; }
+  .many td:not(:first-child)::before { content: attr(data-head); color: var(--soft); overflow-wrap: normal; }
+  .many .marked { padding: .4rem .6rem; background: var(--tint); } .many .marked td { background: none; }
+  .many td:not(:first-child, .number) { grid-column: 1 / -1; justify-content: flex-start; }
+  .many td:not(:first-child, .number)::before { flex: 0 0 8.5rem; overflow-wrap: normal; }
   .answers tr { display: grid; grid-template-columns: 2.2rem minmax(0, 1fr); border-top: 1px solid var(--line); }
   .answers td { border-top: 0; padding: .1rem .2rem; } .answers td:nth-child(n+3) { grid-column: 2; }
   .answers td:empty { display: none; }
@@ -73,10 +78,11 @@ summary { cursor: pointer; color: var(--link); padding: .3rem 0; } details > tab
   body { margin: 0; max-width: none; font-size: 9.5pt; line-height: 1.35; } thead { display: table-header-group; }
   h1 { font-size: 15pt; } h2 { font-size: 11.5pt; margin: 1rem 0 .3rem; } .headline { font-size: 12.5pt; }
   table { font-size: 8pt; } .scale { font-size: 9.5pt; } th, td { padding: .12rem .4rem; } .shown { font-size: 7.5pt; }
-  thead th, thead td, dl { font-size: 8pt; } .when { width: 6.5rem; } .nr { width: 2rem; } .remarks { width: 22%; }
+  thead th, thead td, dl { font-size: 8pt; } .when { width: 8rem; } .answers td:nth-child(3) { font-size: 8pt; white-space: nowrap; } .nr { width: 2rem; } .remarks { width: 22%; }
   svg { height: 24px; } thead svg { height: 18px; }
   tr, .conflict, h2 { break-inside: avoid; } h2 { break-after: avoid; }
   .long, .cut tbody tr:nth-child(n+41) { display: none; } .printed { display: block; font-style: italic; }
+  summary { list-style: none; color: inherit; } summary::-webkit-details-marker { display: none; }
   details::details-content { content-visibility: visible; block-size: auto; }
   * { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
 }
@@ -85,6 +91,7 @@ summary { cursor: pointer; color: var(--link); padding: .3rem 0; } details > tab
 
 _MOST_PRINTED = 40  # rows of a table, as the style has it: the paper is for reading, not for filing
 _FEW_COLUMNS = 3  # that fit beside each other on a phone
+_NUMBER = re.compile(r"-|not known yet|-?\d[\d.,]*( to \d+)?( \((at least|or) [^)]*\))?")
 
 
 @dataclass(frozen=True)
@@ -150,13 +157,13 @@ def report_page(
     str
     """
     name = title or "Your judgement"
-    person = f"Person: {escaped(details.who)}. " if details.who else ""
+    person = f"Person: {escaped(details.who)}, called “you” here. " if details.who else ""
+    n = end["counts"]["answered"]
     parts = [
         f"<h1>{escaped(name)}: a report</h1>",
-        f'<p class="soft">{person}{escaped(when)}. {escaped(counted(end["counts"]))} '
-        f"{escaped(end.get('by_chance', ''))}</p>",
+        f'<p class="soft">{person}{escaped(when)}. {escaped(in_answers(n))}.</p>',
     ]
-    if waiting:
+    if waiting and not end.get("settled"):
         # a caution may have ended it, and not the person
         early = (
             "More could be asked." if end.get("caution") else "Stopped early: more could be asked."
@@ -193,7 +200,9 @@ def report_page(
     taken_back = sum(not _is_counted(one) for one in answers)
     besides = f", and {taken_back} taken back" if taken_back else ""
     listed = f"Every answer, oldest first ({len(answers) - taken_back}{besides})"
-    parts += ["<h2>Answers</h2>", f"<details><summary>{listed}</summary>"]
+    checks = f"{counted(end['counts'])} {end.get('by_chance', '')}".strip()
+    parts += ["<h2>Answers and checks</h2>", f"<p>{escaped(checks)}</p>"]
+    parts.append(f"<details><summary>{listed}</summary>")
     parts += [*_answers(answers, end["conflicts"]), "</details>"]
     if details.limits:
         parts.append("<h2>What this does not say</h2>")
@@ -226,17 +235,16 @@ def _headline(end: Mapping[str, Any]) -> Iterator[str]:
         yield f'<p class="headline">{escaped(end["headline"])}</p>'
     if end.get("caution"):
         yield f'<p class="caution">{escaped(end["caution"])}</p>'
-    for name in ("sure", "size", "before"):
+    for name in ("reason", "sure", "size", "before"):
         if end.get(name):
             yield f"<p>{escaped(end[name])}</p>"
     for said in end.get("remarks", ()):
         yield f'<p class="caution">{escaped(said)}</p>'
-    if end.get("next"):
-        yield f"<p>{escaped(end['next'])}</p>"
 
 
 def _changes(changes: Mapping[str, Any]) -> Iterator[str]:
-    yield f"<h2>{escaped(changes['title'])}</h2>\n<p>{escaped(changes['note'])}</p>"
+    yield f"<h2>{escaped(changes['title'])}</h2>"
+    yield from (f"<p>{escaped(words)}</p>" for words in changes["note"].split("\n"))
     yield from _rows_of(changes)
     if still_open := changes.get("open"):
         yield f"<details><summary>{escaped(still_open['title'])}</summary>"
@@ -257,17 +265,32 @@ def _rows_of(table: Mapping[str, Any], cut: bool = True) -> Iterator[str]:
     """Return a table. On paper a long one is cut off, unless all of it is left out."""
     if table["rows"]:
         more = len(table["rows"]) - _MOST_PRINTED
-        head = "".join(f'<th scope="col">{escaped(name)}</th>' for name in table["columns"])
+        right = [_is_number(cells) for cells in zip(*table["rows"], strict=True)]
+        kinds = [' class="number"' if i and number else "" for i, number in enumerate(right)]
+        columns = [*zip(table["columns"], kinds, strict=True)]
+        head = "".join(f'<th scope="col"{kind}>{escaped(name)}</th>' for name, kind in columns)
         many = " many" if len(table["columns"]) > _FEW_COLUMNS else ""
         many += " cut" if cut and more > 0 else ""
         yield f'<table class="wide{many}">\n<thead><tr>{head}</tr></thead>\n<tbody>'
-        for row in table["rows"]:
-            cells = zip(table["columns"], row, strict=True)
-            each = (f'<td data-head="{escaped(name)}">{escaped(cell)}</td>' for name, cell in cells)
-            yield f"<tr>{''.join(each)}</tr>"
+        for i, row in enumerate(table["rows"]):
+            chosen = i == table.get("marked")
+            each = [
+                f'<td data-head="{escaped(name)}"{kind}>{escaped(cell)}</td>'
+                for (name, kind), cell in zip(columns, row, strict=True)
+            ]
+            if chosen:
+                mark = f' <span class="chosen">{escaped(table["mark"])}</span></td>'
+                each[0] = f"{each[0].removesuffix('</td>')}{mark}"
+            which = ' class="marked"' if chosen else ""
+            yield f"<tr{which}>{''.join(each)}</tr>"
         yield "</tbody>\n</table>"
         if cut and more > 0:
             yield _not_printed(f"The rest of this table ({more} more rows)")
+
+
+def _is_number(cells: Sequence[str]) -> bool:
+    """Return whether the cells of a column are numbers, or ranges, to be set right-aligned."""
+    return all(map(_NUMBER.fullmatch, cells))
 
 
 def asked_about(preamble: str, legend: Mapping[str, Any] | None) -> Iterator[str]:
@@ -298,17 +321,19 @@ def counted(counts: Mapping[str, int]) -> str:
     return f"{found.sentence} {found.checks}".strip()
 
 
+def about_scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> str:
+    """Return sentences on what the values of the levels mean; ``rows`` are best first."""
+    best, worst = rows[0]["label"], rows[-1]["label"]
+    return (
+        f"From 0 (“{worst}”) to 100 (“{best}”). A level at 60 is as good to you as 60 of 100 at "
+        f"“{best}” and 40 at “{worst}”. Dot: best guess. Bar: range ({certainty})."
+    )
+
+
 def _scale(
     rows: Sequence[Mapping[str, Any]], certainty: str, notes: Sequence[str]
 ) -> Iterator[str]:
-    said = (
-        "Values go from 0, the worst level, to 100, the best. A level at 60 is as good to you as "
-        "60 of 100 at the best level and 40 at the worst. The bar is the range, and the dot is the "
-        "best guess."
-    )
-    said += f" The ranges hold {certainty}."
-    said = " ".join([said, *notes])
-    yield f'<table class="scale">\n<caption>{escaped(said)}</caption>'
+    yield f'<table class="scale">\n<caption>{escaped(about_scale(rows, certainty))}</caption>'
     marks = "".join(f'<text x="{x}%" y="14" text-anchor="middle">{x}</text>' for x in (0, 50, 100))
     axis = f'<svg height="18" font-size="13" fill="#4a5864" aria-hidden="true">{marks}</svg>'
     yield f'<thead><tr><th scope="col">Level</th><td class="drawn">{axis}</td>'
@@ -322,20 +347,26 @@ def _scale(
         between = "fixed" if low == high else f"{low:.0f} to {high:.0f}"
         known = row.get("known", True)
         colour = colour_of(1.0 - i / max(1, len(rows) - 1)) if known else None
-        picture = interval_picture(low, row["value"], high, colour)
-        guess = guess_in_words(row["value"], known, row.get("rough", False))
+        rough = row.get("rough", False)
+        picture = interval_picture(low, row["value"], high, colour, rough)
+        guess = guess_in_words(row["value"], known, rough)
         yield (
             f'<tr><th scope="row">{escaped(row["label"])}</th><td class="drawn">{picture}</td>'
             f'<td class="number">{guess}</td><td class="number">{between}</td></tr>'
         )
     yield "</tbody>\n</table>"
+    if notes:
+        yield f'<p class="soft">{escaped(" ".join(notes))}</p>'
 
 
-def interval_picture(low: float, value: float, high: float, colour: str | None) -> str:
+def interval_picture(
+    low: float, value: float, high: float, colour: str | None, rough: bool = False
+) -> str:
     """Return a picture of a level's interval on the scale from 0 to 100, as HTML.
 
     A filled bar has a dot at the best guess. If ``colour`` is None the bar is hollow, without a
-    dot. It is in the middle of the picture, however high the style makes that.
+    dot, or with a hollow one if ``rough``. It is in the middle of the picture, however high the
+    style makes that.
     """
     grid = "".join(
         f'<line x1="{x}%" x2="{x}%" y1="0" y2="100%" stroke="#e4e9ee"/>'
@@ -344,12 +375,17 @@ def interval_picture(low: float, value: float, high: float, colour: str | None) 
     fill = "none" if colour is None else colour
     dashed = ' stroke-dasharray="4 3"' if colour is None else ""
     dot = f'<circle cx="{value:.2f}%" cy="50%" r="3" fill="#14202b"/>'
+    if colour is None:
+        dot = (
+            f'<circle class="rough" cx="{value:.2f}%" cy="50%" r="4" fill="none" stroke="#33414d" '
+            'stroke-width="2"/>'
+        )
     if low == high:
         dot = f'<circle cx="{value:.2f}%" cy="50%" r="6" fill="{fill}" stroke="#33414d"/>'
     return (
         f'<svg height="34" aria-hidden="true">{grid}<rect x="{low}%" width="{high - low}%" y="50%" '
         f'transform="translate(0 -7)" height="14" rx="3" fill="{fill}" stroke="#33414d"{dashed}/>'
-        f"{'' if colour is None else dot}</svg>"
+        f"{dot if colour is not None or rough else ''}</svg>"
     )
 
 
@@ -403,10 +439,12 @@ def _answers(
         stands, replaced = not one["withdrawn"], one.get("replaced", False)
         remarks = {
             "replaced after a check": replaced and not one["repeat"],
-            "taken back": not stands and not replaced,
+            "taken back": not stands and not replaced and not one.get("dropped", False),
+            "not kept, for contradicting another": one.get("dropped", False),
             "contradicts others": stands and one["id"] in among,
             "ignored": stands and not one["used"] and not one["repeat"],
             "asked again as a check": one["repeat"],
+            "check of the order": one.get("order", False),
             "settled since": replaced and one["repeat"],
         }
         counts = _is_counted(one)

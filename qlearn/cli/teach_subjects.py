@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
@@ -20,7 +21,7 @@ from elicit.comparators.panel import Panel
 from elicit.model.comparator import Comparator, offers
 from elicit.model.scale import Floats
 from elicit.person.asker import MakeAsker
-from elicit.person.course.conclusion import SessionFacts, per_hundred
+from elicit.person.course.conclusion import SessionFacts, in_plural, per_hundred
 from elicit.person.interview import Subject
 from elicit.person.showing import Words
 from elicit.tutors.answer_log import AnswerLog
@@ -52,6 +53,7 @@ _SESSIONS = {"polytope": 12, "posterior": 4}  # simulated; one takes about 1 s, 
 _RANDOM = (30, 3, 5, 0.9)  # states, actions, levels, discount
 _KINDS = {"posterior": " (allows for errors)", "polytope": " (takes every answer for right)"}
 _NAMED = 6  # alternatives up to which the welcome names them
+_NO_NOUNS = ("name", "label", "title", "row", "index", "column", "description", "text")
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,8 +316,9 @@ def _choice(
     labels, names, vectors = read_alternatives(path)
     words, hint = _words_of(path, labels)
     words = words if unit is None else replace(words, unit=unit)
+    noun = _noun_of(path)
     if not words.purpose:
-        words = replace(words, purpose=_purpose(names))
+        words = replace(words, purpose=_purpose(names, noun))
     content = json.dumps([labels, names, vectors.tolist()]).encode()
     header = _header(labels, hashlib.blake2b(content, digest_size=16).hexdigest(), words)
 
@@ -330,7 +333,7 @@ def _choice(
     finer = (
         f"Round the numbers in {path.name} to counts of the same total, and start with a new log."
     )
-    told = InWords(labels, words, tolerance)
+    told = InWords(labels, words, tolerance, alternative=noun)
     subject = Subject(
         labels,
         words,
@@ -350,10 +353,22 @@ def _choice(
     return Taught(subject, make, header, hint, following=following)
 
 
-def _purpose(names: Sequence[str]) -> str:
+def _noun_of(path: Path) -> str:
+    """Return what the alternatives of a CSV file are called, in the singular.
+
+    It is the head of the column of names if that is an English noun as far as can be told, such as
+    "treatment", and otherwise "alternative".
+    """
+    with open(path, encoding="utf-8-sig", newline="") as text:
+        head = next(cells[0] for _, cells in _rows(text) if any(cells)).lower()
+    is_noun = re.fullmatch(r"[a-z]{3,20}", head) and not head.endswith("s")
+    return head if is_noun and head not in _NO_NOUNS else "alternative"
+
+
+def _purpose(names: Sequence[str], noun: str) -> str:
     """Return a sentence on what is to be chosen."""
     if len(names) > _NAMED:
-        return f"It works out which of {len(names)} alternatives is best for you."
+        return f"It works out which of {len(names)} {in_plural(noun)} is best for you."
     some = f"{', '.join(names[:-1])} or {names[-1]}" if len(names) > 1 else names[0]
     return f"It works out which is best for you: {some}."
 

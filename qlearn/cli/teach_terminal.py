@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from elicit._support.file_errors import in_words
 from elicit.person.course.counts import Counts, in_answers
-from elicit.person.findings import ScaleRow
+from elicit.person.findings import ScaleRow, guess_in_words
 from elicit.person.interview import Interview, Subject
 from elicit.person.session import Session
 from elicit.person.showing import NARROWEST, Choice, printable
@@ -301,11 +301,11 @@ def say_report(screen: dict[str, Any], width: int) -> None:
 def report_lines(screen: dict[str, Any], width: int) -> list[str]:
     """Return the result on the screen at the end, as lines and paragraphs."""
     end = screen["end"]
-    lines = [f"\n{end['given']}\n"]
-    lines += [sentence for sentence in (end["checks"], end["by_chance"]) if sentence]
+    lines = [""]
     said = (
         end["headline"],
         end["caution"],
+        end["reason"],
         end["sure"],
         end["size"],
         end["before"],
@@ -313,6 +313,7 @@ def report_lines(screen: dict[str, Any], width: int) -> list[str]:
         end["next"],
     )
     lines += [sentence for sentence in said if sentence]
+    lines += ["", " ".join(filter(None, [end["given"], end["checks"], end["by_chance"]]))]
     if end["scale"]:
         rows = [ScaleRow(**row) for row in end["scale"]]
         lines += ["", *scale_report(rows, end["certainty"], width), *end["scale_notes"], ""]
@@ -326,14 +327,14 @@ def report_lines(screen: dict[str, Any], width: int) -> list[str]:
         one = "This answer goes against the order of the levels."
         lines.append(f"\n{one if len(conflict) == 1 else many}")
         lines += [f"  - {entry['sentence']}" for entry in conflict]
-    return [*lines, *end["limits"]]
+    return [*lines, "", *filter(None, [end["source"], *end["limits"]])]
 
 
 def _table_lines(table: dict[str, Any]) -> Iterator[str]:
     """Return the title, the note and the first rows of a table."""
     yield f"\n{table['title']}."
-    yield table["note"]
-    for first, *cells in table["rows"][:_MOST_CHANGES]:
+    yield from table["note"].split("\n")
+    for i, (first, *cells) in enumerate(table["rows"][:_MOST_CHANGES]):
         if table["of"] == "state":
             other, mine, why = cells
             yield f"  - {first}: {mine}, not {other} ({why})"
@@ -342,7 +343,8 @@ def _table_lines(table: dict[str, Any]) -> Iterator[str]:
             yield f"  - {first}: {other}, perhaps {mine} ({why})"
         else:
             each = zip(table["columns"][1:], cells, strict=True)
-            yield f"  - {first}: {', '.join(f'{name} {cell}' for name, cell in each)}"
+            mark = f" ({table['mark']})" if i == table["marked"] else ""
+            yield f"  - {first}{mark}: {', '.join(f'{name} {cell}' for name, cell in each)}"
     more = len(table["rows"]) - _MOST_CHANGES
     if more > 0:
         yield f"  - and {more} more"
@@ -354,7 +356,7 @@ def scale_report(rows: Sequence[ScaleRow], certainty: str, width: int) -> list[s
     The best level comes first, values run from 0 to 100, and lines have at most ``width`` columns.
     """
     name = min(max(len(row.label) for row in rows), width - 24)
-    bar = min(_BAR, width - name - 26)
+    bar = min(_BAR, width - name - 27)
     said = (
         "What the levels are worth, from 0 to 100: 60 is as good as 60 of 100 at the best level "
         "and 40 at the worst "
@@ -364,9 +366,9 @@ def scale_report(rows: Sequence[ScaleRow], certainty: str, width: int) -> list[s
     for row in rows:
         known = "" if row.low == row.high else f"{row.low:.0f} to {row.high:.0f}"
         guessed = row.known
-        guess = f"{row.value:.0f}" if guessed else "roughly" if row.rough else "unknown"
+        guess = guess_in_words(row.value, guessed, row.rough) if guessed or row.rough else "unknown"
         picture = _bar(row.low, row.value if guessed else None, row.high, bar)
-        line = f"    {row.label[:name]:{name}} {guess:>7}  {known:9}"
+        line = f"    {row.label[:name]:{name}} {guess:>8}  {known:9}"
         lines.append(f"{line}  {picture if bar >= _LEAST_BAR else ''}".rstrip())
     return lines
 

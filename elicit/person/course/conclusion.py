@@ -15,17 +15,20 @@ class ResultTable:
     Attributes
     ----------
     title, note
-        Texts above and below.
+        Texts above the table. Each line of ``note`` is a paragraph.
     columns
         The heads of the columns.
     rows
         The cells of each row, as texts.
-    of
-        What a row is about, in the singular.
+    of, several
+        What a row is about, in the singular, and in the plural. If ``several`` is "", the plural is
+        ``of`` with an s.
     open
         A table of further rows that do not hold for certain, if there are any.
     unfolded
         True if the table stands open on the screen.
+    marked, mark
+        The number of the row that is marked, or None, and the word that marks it.
     """
 
     title: str
@@ -35,6 +38,9 @@ class ResultTable:
     of: str = "state"
     open: ResultTable | None = None
     unfolded: bool = False
+    several: str = ""
+    marked: int | None = None
+    mark: str = ""
 
 
 @dataclass(frozen=True)
@@ -45,6 +51,9 @@ class Conclusion:
     ----------
     headline
         The conclusion, in a sentence or two.
+    reason
+        Why that is so, and by how much, as far as it holds for every plausible scale; "" if there
+        is nothing to say of it.
     size
         How much the loss in the headline is, in the problem's own unit; "" if unknown.
     sure
@@ -72,6 +81,7 @@ class Conclusion:
     """
 
     headline: str = ""
+    reason: str = ""
     size: str = ""
     sure: str = ""
     next: str = ""
@@ -134,10 +144,28 @@ def with_probability(confidence: float | None) -> str:
     return f"with {confidence:.0%} probability"
 
 
-def no_more(confidence: float | None) -> str:
-    """Return the end of a clause that states what "could" be lost: how sure that is, or ""."""
+def up_to(loss: float, confidence: float | None) -> str:
+    """Return the most that could be lost as a text: "up to 5 in 100 (with 95% probability)".
+
+    How sure that is, is left out if there is no such number.
+    """
     sure = with_probability(confidence)
-    return f", {sure} not more" if sure else ""
+    return f"up to {per_hundred(loss)}{f' ({sure})' if sure else ''}"
+
+
+def in_plural(noun: str) -> str:
+    """Return the plural of an English noun that forms it as most nouns do.
+
+    Examples
+    --------
+    >>> [in_plural(noun) for noun in ("treatment", "therapy", "dish", "day")]
+    ['treatments', 'therapies', 'dishes', 'days']
+    """
+    if noun.endswith(("s", "x", "z", "ch", "sh")):
+        return f"{noun}es"
+    if noun.endswith("y") and noun[-2:-1] not in "aeiou":
+        return f"{noun[:-1]}ies"
+    return f"{noun}s"
 
 
 def listed(names: Sequence[str]) -> str:

@@ -48,11 +48,6 @@ LEAST_CHECKS = 5
 """Checks before the end. Answers by chance pass this many in at most 1 of 32 cases."""
 MOST_CHECKS = 11
 """A person who has not passed after this many checks is told so."""
-_EXPECTED_BY = {  # by whether there are repeats and questions about the order of the levels
-    (True, False): "the same answer as before",
-    (False, True): "an answer that does not go against the order of the levels",
-    (True, True): "the same answer as before, or one not against the order of the levels",
-}
 _RARE = 25  # cases: answers by chance that do so well in one of more are rare
 _MORE_ALIKE = 2  # further checks that must be answered alike for each that was not
 _EVERY = 4  # answers for each check, where the interview wants some
@@ -110,6 +105,8 @@ class Conduct:
         Answers to repeated questions.
     clear
         Answers that stand and say which side is better, without repeats.
+    against_order
+        Number of checks answered against the order of the levels, which are among ``differed``.
     """
 
     answered: int
@@ -121,6 +118,7 @@ class Conduct:
     taken_back: int = 0
     repeated: int = 0
     clear: int = 0
+    against_order: int = 0
 
     @staticmethod
     def of(log: Sequence[Entry]) -> Conduct:
@@ -134,6 +132,7 @@ class Conduct:
             and (entry.stands or was_settled(entry))
             and entry.answer.verdict is not None
         ]
+        against = sum(entry.answer.verdict is Verdict.WORSE for entry in order)
         said = [choice_of(entry.answer) for entry in log if entry.stands]
         last = said[-1] if said else None
         row = 0
@@ -143,13 +142,13 @@ class Conduct:
             answered=len(standing),
             with_verdict=sum(entry.answer.verdict is not None for entry in standing),
             checks=len(repeats) + len(order),
-            differed=sum(map(differs, repeats))
-            + sum(entry.answer.verdict is Verdict.WORSE for entry in order),
+            differed=sum(map(differs, repeats)) + against,
             last=last,
             in_a_row=row,
             taken_back=sum(IN_CONFLICT in (entry.retraction or {}) for entry in log),
             repeated=len(repeats),
             clear=sum(entry.answer.verdict in _CLEAR for entry in standing),
+            against_order=against,
         )
 
     @property
@@ -220,27 +219,27 @@ class Conduct:
 
     @property
     def by_chance(self) -> str:
-        """Sentences on how often random choices do as well in the checks, and why, or ""."""
+        """Sentences on checks other than repeats, and on how often guesses do as well, or ""."""
         if not self.checks:
             return ""
-        cases = self.cases
-        order = ""
+        said = []
         if n := self.checks - self.repeated:
-            alike, those = self.checks - self.differed, "one" if n == 1 else str(n)
-            order = (
-                f"With the {those} against the order of the levels, {alike} of {self.checks} "
-                "checks were answered as expected. "
+            alike = n - self.against_order
+            asked = "One more question checked" if n == 1 else f"{n} more questions checked"
+            answered = (
+                "was answered as expected" if n == 1 else f"{alike} were answered as expected"
             )
-        half = (
-            f"{order}A check is passed by {_EXPECTED_BY[bool(self.repeated), n > 0]}. Someone who "
-            "chooses A or B at random passes half of the checks"
-        )
+            if n == 1 and not alike:
+                answered = "was answered against it"
+            said.append(f"{asked} the order of the levels, and {answered}.")
+        cases, every = self.cases, "both" if self.checks == 2 else f"all {self.checks}"
+        well = f"pass {every} checks" if self.checks > 1 and not self.differed else "do as well"
         if cases < 2:
-            return f"{half}, and so does as well."
-        tell = "So your answers hardly look like guesses."
+            return " ".join([*said, "Guesses do as well in half of all interviews or more."])
+        said.append(f"Guesses {well} in 1 of {cases} interviews.")
         if cases < _RARE:
-            tell = "More checks would tell your answers from guesses."
-        return f"{half}, and does as well in 1 of {cases} interviews. {tell}"
+            said.append("More checks would tell more.")
+        return " ".join(said)
 
     @property
     def offers(self) -> bool:

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 
 from elicit.model.query import Verdict
-from elicit.person.course.conduct import SETTLED, differs, repeats_in, was_settled
+from elicit.person.course.conclusion import listed
+from elicit.person.course.conduct import IN_CONFLICT, SETTLED, differs, repeats_in, was_settled
 from elicit.tutors.answer_log import Entry
 
 
@@ -18,7 +19,7 @@ class Counts:
     ----------
     answered
         Answers that count: those that stand, and each answer to a repeated question, even if the
-        person has settled a difference since. Except for ``withdrawn``, all other numbers are parts
+        person has settled a difference since. Except for the last two, all other numbers are parts
         of this one.
     repeated
         Answers to repeated questions.
@@ -30,6 +31,9 @@ class Counts:
         Answers that are ignored because they contradict others.
     withdrawn
         Answers that the person took back, which are not in ``answered``.
+    not_kept
+        Answers that the person did not keep because they contradicted others, which are not in
+        ``answered`` either.
     """
 
     answered: int = 0
@@ -39,6 +43,7 @@ class Counts:
     cannot_tell: int = 0
     unused: int = 0
     withdrawn: int = 0
+    not_kept: int = 0
 
     @staticmethod
     def of(log: Iterable[Entry]) -> Counts:
@@ -47,6 +52,7 @@ class Counts:
         again = repeats_in(entries)
         first = [entry for entry in entries if entry.stands and not entry.repeat]
         said = [entry.answer.verdict for entry in entries if is_counted(entry)]
+        back = [entry for entry in entries if entry.retracted and not was_settled(entry)]
         return Counts(
             answered=len(said),
             repeated=len(again),
@@ -54,7 +60,8 @@ class Counts:
             equal=said.count(Verdict.EQUAL),
             cannot_tell=said.count(None),
             unused=sum(not entry.used for entry in first),
-            withdrawn=sum(entry.retracted and not was_settled(entry) for entry in entries),
+            withdrawn=len(back) - sum(IN_CONFLICT in (entry.retraction or {}) for entry in back),
+            not_kept=sum(IN_CONFLICT in (entry.retraction or {}) for entry in back),
         )
 
     def record(self) -> dict[str, int]:
@@ -68,16 +75,22 @@ class Counts:
 
     @property
     def sentence(self) -> str:
-        """The sentence "20 answers (5 to repeated questions, 1 equally good, 2 cannot tell)."."""
+        """Sentences on the numbers of answers of each kind.
+
+        The numbers are no parts of a sum: a repeated question may be answered "equally good".
+        """
         kinds = (
             (self.repeated, "to repeated questions"),
-            (self.equal, "equally good"),
-            (self.cannot_tell, "cannot tell"),
-            (self.unused, "ignored because they contradict others"),
-            (self.withdrawn, "more taken back"),
+            (self.equal, "“equally good”"),
+            (self.cannot_tell, "“cannot tell”"),
+            (self.unused, "ignored for contradicting others"),
         )
-        among = ", ".join(f"{n} {words}" for n, words in kinds if n)
-        return f"{in_answers(self.answered)}{f' ({among})' if among else ''}."
+        among = [f"{_were(n)} {words}" for n, words in kinds if n]
+        back = f" {_were(self.withdrawn, ' more')} taken back." if self.withdrawn else ""
+        if self.not_kept:
+            back += f" {_were(self.not_kept, ' more')} not kept, for contradicting others."
+        of_these = f" Of these, {listed(among)}." if among else ""
+        return f"{in_answers(self.answered)}.{of_these}{back}"
 
     @property
     def checks(self) -> str:
@@ -115,6 +128,10 @@ def number_of(log: Iterable[Entry], id: str) -> int:
 def _question_of(id: str) -> str:
     """Return the id of the question that was put, also for an answer that stands for two."""
     return id.removeprefix(SETTLED)
+
+
+def _were(n: int, more: str = "") -> str:
+    return f"{n}{more} {'was' if n == 1 else 'were'}"
 
 
 def in_answers(n: int) -> str:

@@ -26,6 +26,10 @@ _MOST = 1.6  # the same, at the most
 _GRID = 1e-6  # grid for comparing widths, so that no rounding decides
 
 
+FURTHER = "With more answers the result depends less on any single one."
+"""The reason for a question about a level, if the result is not settled."""
+
+
 class _LevelPair(NamedTuple):
     """Two levels to mix: a share of the higher one, and the rest of the lower one."""
 
@@ -162,13 +166,14 @@ def purpose_of(query: Query, comparator: Comparator, labels: Sequence[str], more
         return ""
     least, most = max(0, math.floor(low + _GRID)), min(100, math.ceil(high - _GRID))
     said = (
-        f"This question is about what “{labels[level]}” is worth: so far {least} to {most} of 100."
+        f"This question narrows what “{labels[level]}” is worth to you. So far that is {least} to "
+        f"{most} of 100."
     )
     if not more:
-        return f"{said} What is still open depends on it."
+        return f"{said} {FURTHER}"
     return (
-        f"{said} The result is settled, and you asked for more: questions end once each level is "
-        f"known to within {100 * _NARROW:.0f}."
+        f"{said} Questions end once each level is known to within {100 * _NARROW:.0f}, or when you "
+        "finish."
     )
 
 

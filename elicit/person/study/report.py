@@ -34,8 +34,8 @@ blockquote { margin: .4rem 0; padding: .1rem .9rem; border-left: 3px solid var(-
 _SCALES = (
     "Values go from 0, the worst level, to 100, the best. A level at 60 is as good to the person "
     "as 60 of 100 at the best level and 40 at the worst. The bar is the range, and the dot is the "
-    "best guess. A dashed bar is a level without a best guess. “Not known yet” means that none of "
-    "the person's answers narrows its range, “only roughly” that they leave a wide range."
+    "best guess. A dashed bar is a wide range: its best guess, with a hollow dot and “about”, is "
+    "not exact yet. “Not known yet” means that none of the person's answers narrows a range."
 )
 
 
@@ -233,7 +233,8 @@ def _agreement(agreed: Mapping[str, Any]) -> Iterator[str]:
 
 def _value(one: Mapping[str, Any], colour: str) -> str:
     low, high = one["low"], one["high"]
-    picture = interval_picture(low, one["value"], high, colour if one["known"] else None)
+    rough = one.get("rough", False)
+    picture = interval_picture(low, one["value"], high, colour if one["known"] else None, rough)
     guess = guess_in_words(one["value"], one["known"], one.get("rough", False))
     words = f"{low:.0f}" if low == high else f"{guess} ({low:.0f} to {high:.0f})"
     return (

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,9 +20,10 @@ from elicit.person.course.conclusion import (
     Conclusion,
     NearlyEnough,
     ResultTable,
+    in_plural,
     listed,
-    no_more,
     per_hundred,
+    up_to,
     with_probability,
 )
 from elicit.person.showing import printable
@@ -38,7 +41,22 @@ _MOST_UNFOLDED = 12  # alternatives up to which their table stands open on the s
 _ROUNDED = 0.5  # of 100: less than that cannot be told from the ranges as they are shown
 _FEW_NAMED = 3  # alternatives that are named in a sentence
 _NARROW = 0.5  # width of a range, a share of the whole, up to which a best guess is said
-_BETTER = "if another alternative is better, it is better by"
+_MOST_LEVELS = 6  # levels up to which a sentence says how two alternatives differ
+_EVERY = "for all values that fit your answers"
+_BEST = "best"
+_SAME = 1e-9  # outcomes of 100 by which two numbers differ by rounding only
+_IN_100 = " in 100"
+
+
+class _Ahead(NamedTuple):
+    """The lead of the choice over each alternative (n,), as a share of the value range.
+
+    ``least`` are lower bounds, which hold for all alternatives together with ``confidence``.
+    """
+
+    guess: Floats
+    least: Floats
+    confidence: float
 
 
 def choice_conclusion(
@@ -53,35 +71,38 @@ def choice_conclusion(
     if settled:
         headline = _recommended(told, names, shares, result)
         if with_sure := with_probability(result.confidence):
-            sure = f"{capital(with_sure)} {_none_better(result.loss_bound)}."
+            sure = f"{capital(with_sure)} {_none_better(told, result.loss_bound)}."
         else:
-            sure = f"{capital(_none_better(result.loss_bound))}. {sure}"
+            sure = f"{capital(_none_better(told, result.loss_bound))}. {sure}"
         after = "You can stop here."
         more = "More answers would make it surer." if result.loss_bound > 0 else ""
     else:
         headline = f"The choice is open. The best guess so far is “{result.name}”."
-        after = f"Another alternative may be better, by at most {most}. {sure}"
+        after = f"Another {told.alternative} may be better, by at most {most}. {sure}"
         if result.loss_bound < NO_LOSS:
-            after = f"{capital(_none_better(result.loss_bound))}. {sure}"
+            after = f"{capital(_none_better(told, result.loss_bound))}. {sure}"
         more = "More answers help."
         sure = ""  # it belongs to that sentence, not to the headline
     unasked = (
         ""
         if before is None
-        else f"Before your first answer another alternative could have been better by "
-        f"{per_hundred(before)}{no_more(result.confidence)}."
+        else f"Without your answers the choice could have lost {up_to(before, result.confidence)}: "
+        f"{told.loss(before)}."
     )
-    worth = _worth(told, names, shares, result)
-    rows = tuple((row[0], *row[-2:], "chosen" if row[0] == best else "") for row in worth.rows)
+    ahead = _ahead(names, shares, result)
+    mark = (_BEST if _best_word(result) == _BEST else "chosen") if settled else "best guess"
+    worth = _worth(told, names, shares, result, ahead, mark)
+    rows = tuple((row[0], *row[-3:], "chosen" if row[0] == best else "") for row in worth.rows)
     return Conclusion(
         headline=headline,
-        size=size_and_end(told, result.loss_bound, _BETTER, result.confidence),
+        reason=_reason(told, names, shares, result, ahead),
+        size=size_and_end(told, result.loss_bound, _better(told), result.confidence),
         sure=sure,
         next=after,
         more=more,
         before=unasked,
         changes=worth,
-        result=ResultTable("Choice", ("alternative", "worth", "range", "choice"), rows),
+        result=ResultTable("Choice", ("alternative", "worth", "range", "behind", "choice"), rows),
         settled=settled,
         early=f"By your answers so far “{best}” is {_best_word(result)}. They are not checked yet.",
     )
@@ -110,19 +131,19 @@ def choice_nearly(
     sure = _with_certainty(result, confidence)
     if sure is None or not is_little(told, loss, before):
         return None
-    size = size_of(told, loss, _BETTER, confidence)
+    size = size_of(told, loss, _better(told), confidence)
     near.sort(key=lambda i: -points[i])
     near_names = listed([f"“{printable(names[i])}”" for i in near])
     if len(near) == 1:
         return NearlyEnough(
             f"{near_names} is the best for you, or nearly so",
-            f"{sure} {_none_better(loss)}.",
+            f"{sure} {_none_better(told, loss)}.",
             size,
         )
     return NearlyEnough(
         f"{near_names} are nearly equal to you",
         f"Whichever of them you choose, you lose little: {sure[0].lower()}{sure[1:]} "
-        f"{_none_better(loss)}.",
+        f"{_none_better(told, loss)}.",
         size,
     )
 
@@ -139,7 +160,7 @@ def _with_certainty(result: Choice, confidence: float) -> str | None:
 def _best_word(result: Choice) -> str:
     """Return the words for a choice: "best", or a recommendation if another may be as good."""
     decided = result.status not in (Status.CALLED_EQUAL, Status.UNSURE) or result.loss_bound <= 0
-    return "best" if decided else "the one to choose"
+    return _BEST if decided else "the one to choose"
 
 
 def _recommended(told: InWords, names: Sequence[str], shares: Floats, result: Choice) -> str:
@@ -197,10 +218,88 @@ def _points(shares: Floats, result: Choice) -> Floats:
     return product(tail_sums(shares), np.diff(best_guess(result.comparator)))
 
 
-def _none_better(loss: float) -> str:
+def _ahead(names: Sequence[str], shares: Floats, result: Choice) -> _Ahead:
+    """Return how much more the choice is worth than each alternative."""
+    best, points = list(names).index(result.name), _points(shares, result)
+    high, confidence = simultaneous_bounds(
+        result.comparator, np.delete(shares, best, axis=0) - shares[best]
+    )
+    return _Ahead(points[best] - points, -np.insert(high, best, 0.0), confidence)
+
+
+def _reason(
+    told: InWords, names: Sequence[str], shares: Floats, result: Choice, ahead: _Ahead
+) -> str:
+    """Return sentences on how the choice differs from the next best, and what that is worth.
+
+    Alternatives that the person called as good as the choice are passed over. The result is "" if
+    there is no other one, or it has the same outcomes.
+    """
+    best = list(names).index(result.name)
+    called = _directions(result.answers.d[result.answers.y == 0])
+    apart = shares[best] - shares
+    directions = _directions(apart)
+    order = np.argsort(ahead.guess, kind="stable").tolist()
+    others = [i for i in order if i != best and not _among(directions[i], called)]
+    if not others or not directions[others[0]].any():
+        return ""
+    second = others[0]
+    name, other = (f"“{printable(names[i])}”" for i in (best, second))
+    worth = f"{name} is worth {_more(ahead, second)} than the second, {other}."
+    differ = _differ(told, 100.0 * apart[second])
+    if not differ:
+        return worth
+    by = "the order of the levels alone" if (directions[second] >= 0).all() else "your answers"
+    better = "is better" if ahead.least[second] > -NO_LOSS else "is better by the best guess"
+    return f"{worth} {capital(differ)}. By {by} that {better}."
+
+
+def _differ(told: InWords, more: Floats) -> str:
+    """Return in words how many outcomes (k,) of 100 one alternative has in place of others.
+
+    The result is "" if that would be too long.
+    """
+    at = [(n, f"“{printable(label)}”") for n, label in zip(more, told.labels, strict=True)][::-1]
+    gained = [f"{n:.3g} more {label}" for n, label in at if n > _SAME]
+    lost = [f"{-n:.3g} {label}" for n, label in at if n < -_SAME]
+    if not gained or len(gained) + len(lost) > _MOST_LEVELS:
+        return ""
+    return f"in 100 {printable(told.words.unit)} it has {listed(gained)} in place of {listed(lost)}"
+
+
+def _more(ahead: _Ahead, i: int) -> str:
+    """Return in words how much more the choice is worth than an alternative, and how sure it is."""
+    guess, least = _of_100(ahead.guess[i]), ahead.least[i]
+    if math.isnan(ahead.confidence):
+        return f"{guess} of 100 more (best guess)"
+    sure = with_probability(ahead.confidence) or _EVERY
+    if least <= -NO_LOSS:
+        less = per_hundred(-least).removesuffix(_IN_100)
+        return f"{guess} of 100 more (best guess; perhaps up to {less} less, {sure})"
+    by = f"at least {_at_least(least)}" if least >= NO_LOSS else "not less"
+    return f"{guess} of 100 more (best guess; {by} {sure})"
+
+
+def _of_100(share: float) -> str:
+    """Return a share of the value range as a number of 100, with two digits at least."""
+    return f"{100.0 * share:.{0 if share >= 0.1 else 1}f}"
+
+
+def _at_least(share: float) -> str:
+    """Return a share of the value range as a number of 100 in two digits, rounded down."""
+    digits = max(0, 1 - math.floor(math.log10(100.0 * share)))
+    return f"{math.floor(100.0 * share * 10**digits + 1e-9) / 10**digits:g}"
+
+
+def _better(told: InWords) -> str:
+    """Return the start of a clause on how much better another alternative can be."""
+    return f"if another {told.alternative} is better, it is better by"
+
+
+def _none_better(told: InWords, loss: float) -> str:
     """Return a clause that no other alternative is better, or not by more than this loss."""
     by = "" if loss < NO_LOSS else f" by more than {per_hundred(loss)}"
-    return f"no other alternative is better{by}"
+    return f"no other {told.alternative} is better{by}"
 
 
 def choice_holds(told: InWords, result: Choice) -> bool:
@@ -216,44 +315,68 @@ def choice_holds(told: InWords, result: Choice) -> bool:
     return (decided or result.status is Status.UNSURE) and result.loss_bound <= told.tolerance
 
 
-def _worth(told: InWords, names: Sequence[str], shares: Floats, result: Choice) -> ResultTable:
-    """Return a table of what each alternative consists of, and its value as far as it is known."""
+def _worth(
+    told: InWords, names: Sequence[str], shares: Floats, result: Choice, ahead: _Ahead, mark: str
+) -> ResultTable:
+    """Return a table of what each alternative consists of, and its value as far as it is known.
+
+    The choice is marked by ``mark``.
+    """
     labels = told.labels
     low, high = bounds_of(result.comparator, shares)
     points = _points(shares, result)
     order = np.argsort(-points, kind="stable").tolist()
     narrow = np.minimum(high, 1.0) - np.maximum(low, 0.0) <= _NARROW
+    best = list(names).index(result.name)
     rows = tuple(
         (
             printable(names[i]),
             *(f"{100 * share:.3g}" for share in shares[i, ::-1]),
             f"{100 * points[i]:.0f}" if narrow[i] else "not known yet",
             f"{100 * max(low[i], 0.0):.0f} to {100 * min(high[i], 1.0):.0f}",
+            "-" if i == best else _behind(ahead, i),
         )
         for i in order
     )
     unknown = (
         "" if narrow.all() else " The worth is not known yet where the range is wider than 50."
     )
-    best = list(names).index(result.name)
-    apart = max(0.0, float((np.minimum(np.delete(high, best), 1.0) - max(low[best], 0.0)).max()))
+    sure = with_probability(ahead.confidence) or ("" if np.isnan(ahead.confidence) else _EVERY)
+    together = f", and in brackets the least ({sure}, all together)" if sure else ""
+    above = np.minimum(np.delete(high, best), 1.0) - max(low[best], 0.0)
+    apart = float(above.max(initial=0.0))
     # shown where the ranges alone would allow a greater loss than the bound
-    together = (
-        " The ranges move together, because the same values of the levels go into each. So the "
-        "difference between two alternatives is known better than their ranges show."
+    overlap = (
+        " Two ranges may overlap although one is always ahead, because the same values of the "
+        "levels go into both."
         if 100.0 * (apart - result.loss_bound) >= _ROUNDED
         else ""
     )
+    many = in_plural(told.alternative)
     return ResultTable(
-        f"The {len(names)} alternatives",
-        ("Alternative", *map(printable, labels[::-1]), "worth", "range"),
+        f"The {len(names)} {many}",
+        (capital(told.alternative), *map(printable, labels[::-1]), "worth", "range", "behind"),
         rows,
         f"In 100 {printable(told.words.unit)} of each. Worth is from 0, if all were "
         f"“{printable(labels[0])}”, to 100, if all were “{printable(labels[-1])}”: the best guess, "
-        f"and its range.{unknown}{together}",
-        "alternative",
+        f"and its range.{unknown} “Behind” is how much less it is worth than "
+        f"“{printable(result.name)}”: the best guess{together}.{overlap}",
+        told.alternative,
         unfolded=len(names) <= _MOST_UNFOLDED,
+        several=many,
+        marked=order.index(best),
+        mark=mark,
     )
+
+
+def _behind(ahead: _Ahead, i: int) -> str:
+    """Return how much less an alternative is worth than the choice: best guess, and least."""
+    guess, least = _of_100(ahead.guess[i]), ahead.least[i]
+    if math.isnan(ahead.confidence):
+        return guess
+    if least <= -NO_LOSS:
+        return f"{guess} (or {per_hundred(-least).removesuffix(_IN_100)} ahead)"
+    return f"{guess} (at least {_at_least(least) if least >= NO_LOSS else 0})"
 
 
 def choice_stakes(told: InWords, result: Choice) -> str | None:
@@ -261,8 +384,9 @@ def choice_stakes(told: InWords, result: Choice) -> str | None:
     if np.isnan(result.loss_bound):
         return None
     if result.loss_bound < NO_LOSS:
-        return f"So far {_none_better(result.loss_bound)}."
+        return f"So far {_none_better(told, result.loss_bound)}."
     return (
-        f"So far another alternative could be better by {per_hundred(result.loss_bound)}"
-        f"{no_more(result.confidence)}. That is {told.loss(result.loss_bound)}. {until(told)}"
+        f"So far another {told.alternative} could be better by "
+        f"{up_to(result.loss_bound, result.confidence)}: {told.loss(result.loss_bound)}. "
+        f"{until(told)}"
     )

@@ -40,6 +40,8 @@ class InWords:
         What the names of states and actions mean, in sentences.
     state_words
         A function that returns a state in words, from its name.
+    alternative
+        What the problem calls an alternative, in the singular, such as "treatment".
     """
 
     labels: tuple[str, ...]
@@ -49,6 +51,7 @@ class InWords:
     plan: str = "plan"
     legend: str = ""
     state_words: Callable[[str], str] = str
+    alternative: str = "alternative"
 
     @property
     def little(self) -> float:

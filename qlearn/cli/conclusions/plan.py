@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -15,10 +16,11 @@ from elicit.person.course.conclusion import (
     Conclusion,
     NearlyEnough,
     ResultTable,
-    no_more,
     per_hundred,
+    up_to,
     with_probability,
 )
+from elicit.person.findings import with_answers_alone
 from elicit.person.showing import printable
 from qlearn.cli.conclusions.decided_plan import DecidedPlan, DecidedPlans
 from qlearn.cli.conclusions.in_words import (
@@ -34,6 +36,7 @@ from qlearn.learners.learner import Result
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 _SHORT = "your plan falls short of your ideal plan by"
+_REST = "what follows in the rest of the plan"
 _STEPS = "equal steps between the levels (each better than the one below it by the same amount)"
 
 
@@ -76,8 +79,8 @@ def policy_conclusion(
     unasked = (
         ""
         if before is None
-        else f"Before your first answer the plan could have fallen {per_hundred(before)} short"
-        f"{no_more(result.confidence)}."
+        else f"Without your answers the plan could have lost {up_to(before, result.confidence)}: "
+        f"{told.loss(before)}."
     )
     mdp, undecided = plans.mdp, len(found.leaning)
     open_still = ""
@@ -90,6 +93,7 @@ def policy_conclusion(
     why = _reasons(told, result, found)
     return Conclusion(
         headline=headline,
+        reason=_reason(told, mdp, found, why),
         size=size_and_end(told, bound, _SHORT, result.confidence),
         sure=f"{sure_of(result)} The ideal plan is the one for your exact values.{open_still}",
         next=after,
@@ -114,27 +118,41 @@ def _within(loss: float, so_far: bool = False) -> str:
     return f"{start}{said}" if so_far else capital(said)
 
 
+def _reason(told: InWords, mdp: OrdinalMDP, found: DecidedPlan, why: Mapping[int, str]) -> str:
+    """Return a sentence on what the answers change in the plan, and mostly why, or ""."""
+    n, live = int(found.holds.sum()), int(np.count_nonzero(~mdp.terminal))
+    if not n:
+        return ""
+    given = Counter(why[state] for state, holds in found.certain.items() if holds)
+    [(most, times)] = given.most_common(1)
+    mostly = "" if times == n else "mostly "
+    reason = f", {mostly}for {most}" if 2 * times > n and most != _REST else ""
+    return f"In {n} of {live} {told.states} your answers change the {told.plan}{reason}."
+
+
 def _reasons(told: InWords, result: Result, found: DecidedPlan) -> dict[int, str]:
     """Return a clause for each state that differs: the level that makes the learned action better.
 
     An action leads to more of some levels and less of others than that of equal steps. A level
     matters as much as the difference, times that of its value from its value with equal steps. The
-    value is the best guess; "probably" says that its range includes that of equal steps.
+    value is the best guess; "probably" says that its range, as it is shown, includes that of equal
+    steps.
     """
     value, steps = best_guess(result.comparator), np.linspace(0.0, 1.0, len(told.labels))
     ends = np.eye(len(told.labels)) - np.eye(len(told.labels))[0]
-    low, high = bounds_of(result.comparator, ends)
+    low, high, _ = with_answers_alone(result.comparator, *bounds_of(result.comparator, ends))
     why = {}
     for state, more in zip(found.states.tolist(), found.differences, strict=True):
         matters = more * (value - steps)
         level = int(np.argmax(matters))
-        why[state] = "what follows in the rest of the plan"
+        why[state] = _REST
         if matters[level] > 0 >= product(more, steps):
             grows = "more" if more[level] > 0 else "less"
             sure = low[level] > steps[level] or high[level] < steps[level]
+            name, probably = printable(told.labels[level]), "" if sure else " probably"
             why[state] = (
-                f"{grows} “{printable(told.labels[level])}”, which you "
-                f"{'value' if sure else 'probably value'} {grows} than {100 * steps[level]:.0f}"
+                f"{grows} “{name}”, which you{probably} value {grows} than the "
+                f"{100 * steps[level]:.0f} of equal steps"
             )
     return why
 
@@ -158,6 +176,8 @@ def _changes(
         title = f"In {n} of {live} {told.states} your answers change the {told.plan}"
         hold = "This change is better" if n == 1 else "Each of these changes is better"
         some = f" {hold} {_for_certain(result)}, if the rest of the {told.plan} is as here."
+        if with_probability(result.confidence):
+            some += " More answers may still change this list."
     elif rest:
         title = f"In {rest} of {live} {told.states} your answers may change the {told.plan}"
         some = " None of these changes is certain yet."
@@ -165,10 +185,7 @@ def _changes(
         title = f"Your answers do not change the {told.plan}"
     if n and rest:
         some += f" In {rest} more your answers may change it, but do not decide it."
-    why_note = (
-        " “Why” names the level that matters most by the best guess, and its value with equal "
-        "steps."
-    )
+    why_note = " “Why” names the level that matters most by the best guess."
     certain, perhaps = (
         tuple(
             (
@@ -189,16 +206,19 @@ def _changes(
         ("State", "In the plan (equal steps)", "Perhaps better", "Why"),
         perhaps,
         "Another action is better here by the best guess of your values, but not for all values "
-        "that fit your answers. So the plan keeps the action that is best with equal steps. More "
-        "answers may decide for either."
-        + (" It matters too little to ask more." if _bound(found) <= told.tolerance else ""),
+        "that fit your answers. So the plan keeps the action that is best with equal steps. "
+        + (
+            "More answers may decide for either, but the result is settled without."
+            if _bound(found) <= told.tolerance
+            else "More answers may decide for either."
+        ),
         "undecided state",
     )
     return ResultTable(
         title,
         ("State", "With equal steps", "With your values", "Why"),
         certain,
-        f"Compared with {_STEPS}.{some}{why_note if why else ''} {told.legend}",
+        f"Compared with {_STEPS}.{some}{why_note if why else ''}\n{told.legend}".strip(),
         open=not_decided if rest else None,
     )
 
@@ -283,19 +303,19 @@ def policy_stakes(told: InWords, result: Result) -> str | None:
         return None
     if result.loss_bound < NO_LOSS:
         return _within(result.loss_bound, so_far=True)
-    most, sure = per_hundred(result.loss_bound), no_more(result.confidence)
+    most = up_to(result.loss_bound, result.confidence)
     return (
-        f"So far the best guess of your plan could fall {most} short of your ideal plan{sure}. "
-        f"That is {told.loss(result.loss_bound)}. {until(told)}"
+        f"So far the best guess of your plan could fall short of your ideal plan by {most}: "
+        f"{told.loss(result.loss_bound)}. {until(told)}"
     )
 
 
 def valuation(mdp: OrdinalMDP) -> str:
     """Return sentences on how a policy is valued, from the values of the levels."""
-    ends = ", and the last one counts for ever" if mdp.terminal.any() else ""
+    ends = ", and the last one is taken to last for ever" if mdp.terminal.any() else ""
     return (
         f"A plan is valued by the levels that follow from it, step by step{ends}. "
-        f"Each step counts {mdp.discount:.4g} times as much as the one before."
+        f"Later steps count less: each {mdp.discount:.4g} times as much as the one before."
     )
 
 

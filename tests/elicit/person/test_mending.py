@@ -5,10 +5,10 @@ from typing import Any
 import pytest
 
 from elicit import AnswerLog, Interview, Session, Subject
-from elicit.person.course.counts import number_of
+from elicit.person.course.counts import Counts, number_of
 from tests.browser_cases import LABELS, QUESTIONS, Listed
 
-SURE = "Your earlier answers already point to one side here."
+SURE = "What you answered before bears on this question too."
 SAME = "This is the same question again, because you took back your answer to it"
 
 
@@ -47,7 +47,7 @@ def test_a_question_that_one_earlier_answer_decides_speaks_of_one_answer() -> No
         screen = interview.handle({"do": "practised", "choice": "a"})
         screen = answered(interview, screen, choice(session, 0.65))
         said = screen["question"]["check"]
-        assert said.startswith("Your earlier answer already points to one side here.")
+        assert said.startswith(SURE)
 
 
 def test_a_question_that_comes_again_keeps_its_number_and_says_why() -> None:
@@ -102,6 +102,29 @@ def test_where_another_question_comes_after_one_was_taken_back_it_is_said() -> N
         assert back["question"]["number"] == 3  # the second is taken
 
 
+def test_an_answer_that_was_not_kept_is_no_answer_that_was_taken_back() -> None:
+    with (
+        Session(lambda known: Listed(QUESTIONS[:2], known), AnswerLog(), audit=0) as session,
+        Interview(session, Subject(LABELS, least=1)) as interview,
+    ):
+        screen = interview.handle({"do": "practised", "choice": "a"})
+        for value in (0.35, 0.65):  # less than .4 of the best level, then more than .6
+            screen = answered(interview, screen, choice(session, value))
+        conflict = screen["conflict"]
+        labels = [one["label"] for one in conflict["choices"]]
+        assert labels == ["Keep answer 1", "Keep answer 2", "I am not sure", "Keep both"]
+        keep = conflict["choices"][0]["choice"]
+        after = interview.handle({"do": "settle", "id": conflict["id"], "choice": keep})
+        assert after["note"] == "Thank you. Answer 2 no longer counts. The other answers stay."
+        if after["stage"] == "question":
+            assert "you did not keep your answer to it" in after["question"]["check"]
+        assert Counts.of(session.log).sentence == (
+            "1 answer. 1 more was not kept, for contradicting others."
+        )
+        dropped = [one["dropped"] for one in interview.handle({"do": "answers"})["answers"]]
+        assert dropped == [False, True]
+
+
 def answered(interview: Interview, screen: Any, choice: str) -> Any:
     return interview.handle({"do": "answer", "id": screen["question"]["id"], "choice": choice})
 
@@ -120,6 +143,11 @@ def test_at_the_end_the_checks_left_are_counted() -> None:
             screen = answered(interview, screen, choice(session, 0.65))
     left = range(len(ranges) - 1, -1, -1)
     assert all(least <= n for (least, _, _), n in zip(ranges, left, strict=True))
+    # until only checks are left, an answer may make further questions needed
+    assert all(
+        found is None or found[0] <= n <= found[1]
+        for (_, found, _), n in zip(ranges, left, strict=True)
+    )
     at_end = [(n, found) for (_, found, over), n in zip(ranges, left, strict=True) if over]
     assert len(at_end) > 2
     assert [found for n, found in at_end[2:]] == [[n, n] for n, _ in at_end[2:]]

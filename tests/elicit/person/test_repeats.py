@@ -159,7 +159,7 @@ def test_programs_that_read_the_log_tell_them_apart(path, capsys):
     assert (report.unused, report.repeated, report.couples) == (0, repeats, repeats)
     assert report.consistency.value == 0.0
     assert main(["log", "check", str(path)]) == 0
-    sentence = f"{n + repeats} answers ({repeats} to repeated questions"
+    sentence = f"{n + repeats} answers. Of these, {repeats} were to repeated questions"
     assert sentence in capsys.readouterr().out
     assert main(["log", "show", str(path)]) == 0
     shown = capsys.readouterr().out
@@ -184,7 +184,7 @@ def test_an_interview_says_that_a_question_is_one():
             query = session.question()
             assert query is not None
             assert question["id"] == query.id
-            again = question["check"].startswith("Check question: you answered this one before.")
+            again = question["check"].startswith("Check question: you answered this one before")
             assert again == session.is_repeat(query.id)
             shown = log.asked[-1]
             assert shown.query.id == query.id
@@ -203,7 +203,7 @@ def test_an_interview_says_that_a_question_is_one():
         assert {*notes} == {None}  # nothing is said of a repeat that was answered as before
         assert max(numbers) == len(notes)
         assert screen["answered"] == screen["end"]["counts"]["answered"] == len(notes)
-        assert screen["end"]["given"].startswith(f"{len(notes)} answers ({repeats} to repeated ")
+        assert screen["end"]["given"].startswith(f"{len(notes)} answers. Of these, {repeats} w")
         assert (
             screen["end"]["counts"]["repeated"] == screen["end"]["counts"]["alike"] == repeats >= 3
         )

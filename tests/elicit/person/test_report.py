@@ -41,7 +41,7 @@ def test_a_report_holds_every_answer_and_nothing_that_runs_or_is_elsewhere(tmp_p
     assert "http" not in reply["html"]
     assert reply["name"].startswith("a-title-report-")
     assert "A <title>: a report" in page.text
-    assert "2 answers (1 equally good, 1 cannot tell)." in page.text
+    assert "2 answers. Of these, 1 was “equally good” and 1 was “cannot tell”." in page.text
     assert "cannot tell" in page.text
     assert '10 not "well" as good as ' in page.text
     assert re.search(r"A: [^.]*\. B: [^.]*\. \(Of 10 people\.\)", page.text)
@@ -105,7 +105,7 @@ def test_a_report_marks_what_was_taken_back_repeated_or_does_not_go_together(
     assert "Every answer, oldest first (2, and 1 taken back)" in page.text
     assert page.tags.count("s") == 1
     assert "These 2 answers contradict each other" in page.text
-    assert "3 answers (1 ignored because they contradict others, 1 more taken back)." in page.text
+    assert "Of these, 1 was ignored for contradicting others. 1 more was taken back." in page.text
 
 
 def test_the_scale_of_a_report_is_drawn_to_its_numbers(end: dict[str, Any]) -> None:
@@ -130,6 +130,29 @@ def test_the_scale_of_a_report_is_drawn_to_its_numbers(end: dict[str, Any]) -> N
         5,
     ]
     assert "nswers are kept" not in page.text
+
+
+def test_the_chosen_row_of_a_report_is_marked_and_checks_come_after_the_conclusion(
+    end: dict[str, Any],
+) -> None:
+    table = {
+        "title": "T",
+        "note": "One.\nTwo.",
+        "columns": ["Way", "worth"],
+        "of": "way",
+        "open": None,
+    }
+    changes = {**table, "rows": [["x", "9"], ["y", "10"]], "marked": 1, "mark": "best"}
+    found = {**end, "headline": "Y it is.", "reason": "By 1.", "next": "Stop.", "changes": changes}
+    html = report_page("Mine", "today", found, [], False, ReportDetails(who="Ann"))
+    text = Parts(html).text
+    assert "Person: Ann, called “you” here. today. 3 answers." in text
+    assert text.index("Y it is.") < text.index("By 1.") < text.index("Of these, 1 was ignored")
+    assert "y best 10" in text
+    assert html.count('<tr class="marked">') == 1
+    assert html.count('<td data-head="worth" class="number">') == 2
+    assert "<p>One.</p>\n<p>Two.</p>" in html
+    assert "Stop." not in text  # what to do on the screen
 
 
 def test_on_paper_long_tables_are_left_out_or_cut_off_and_it_is_said(end: dict[str, Any]) -> None:

@@ -138,7 +138,7 @@ def test_most_who_answer_by_chance_get_an_end_that_says_so() -> None:
         end = screen["end"]
         said += end["caution"] is not None
         # who passes all checks by chance cannot be told from one who means it
-        assert end["by_chance"].startswith(("A check is passed by ", "With the "))
+        assert "Guesses " in end["by_chance"]
         if end["caution"] is None and end["settled"]:
             cases = int(re.search(r"in 1 of (\d+) interviews", end["by_chance"])[1])
             assert cases >= 25
@@ -224,7 +224,7 @@ def test_after_few_answers_only_what_holds_for_every_plausible_scale_is_claimed(
         certain = [state for state, change in table.items() if change == "certain"]
         assert certain == [row[0] for row in listed]
         unknown = [row["value"] is None for row in interview.table("scale")]
-        assert unknown == [not row["known"] for row in end["scale"]]
+        assert unknown == [not (row["known"] or row["rough"]) for row in end["scale"]]
 
 
 def action_values(plan: Any) -> Any:
@@ -267,7 +267,7 @@ def test_where_nothing_is_at_stake_nothing_is_asked_and_that_is_said() -> None:
         assert screen["stage"] == "end"
         assert screen["end"]["headline"].startswith("Your plan is settled")
         assert screen["end"]["before"].startswith(
-            "Before your first answer the plan could have fallen "
+            "Without your answers the plan could have lost up to "
         )
         assert screen["end"]["caution"] is None
         screen = interview.handle({"do": "more"})  # who wants to can answer all the same
@@ -372,7 +372,7 @@ def test_a_budget_is_said_once_and_the_person_can_go_on() -> None:
         Interview(session, told.subject) as interview,
     ):
         assert interview.handle({"do": "state"})["welcome"]["before"].startswith(
-            "Without your answers the result could fall "
+            "Without your answers the program's choice could miss the best one for you by up to "
         )
         interview.handle({"do": "start", "who": "  Ann\x1b ", "budget": "3"})
         person = Person(interview, truthful(np.array([0, 0.2, 0.45, 0.7, 1.0])))
@@ -676,10 +676,10 @@ def test_each_choice_of_a_conflict_says_what_it_leaves(choice: int) -> None:
         said = left["choices"][choices[choice]]
         interview.handle({"do": "settle", "id": conflict["id"], "choice": choices[choice]})
         used = sum(e.used and e.answer.verdict is not None for e in log)
-        left_out = f"It leaves {n - used} {'answer' if n - used == 1 else 'answers'} out."
+        left_out = f"{n - used} {'answer' if n - used == 1 else 'answers'} would not count."
         assert said.endswith(left_out) == (used < n)
         rows = {row["label"]: row for row in interview.handle({"do": "result"})["end"]["scale"]}
-        worth = re.findall(r"“([^“]+?)” would be worth (\d+) to (\d+)\.", said)
+        worth = re.findall(r"“([^“]+?)” would be worth [a-z]* ?\d+ \((\d+) to (\d+)\)\.", said)
         assert worth or "would still be open (0 to 100)" in said
         for label, low, high in worth:
             assert (rows[label]["low"], rows[label]["high"]) == (int(low), int(high))
@@ -729,7 +729,7 @@ def test_a_choice_is_settled_only_if_no_other_alternative_is_better_by_the_toler
         person.until("end", answers)
         end = interview.handle({"do": "result"})["end"]
         assert end["settled"] == (answers == 99)
-        most = "more than|at most" if answers else "could fall"  # at first there is no guess
+        most = "more than|at most" if answers else "by up to"  # at first there is no guess
         said = f"{end['sure']} {end['next']} {end['before']}"
         bound = re.search(rf"(?:{most}) ([\d.]+) in 100", said)
         assert bound
@@ -809,9 +809,7 @@ def test_of_alternatives_that_nearly_tie_that_is_said_early_and_stopping_is_offe
         offer = person.until("offer", MOST)["offer"]
         assert person.stages.count("question") <= 16
         assert offer["heading"].endswith(" are nearly equal to you")
-        said = re.search(
-            r"no other alternative is better by more than ([\d.]+) in 100", offer["text"]
-        )
+        said = re.search(r"no other \w+ is better by more than ([\d.]+) in 100", offer["text"])
         assert said
         vectors = np.array(  # of the file
             [[30, 0, 0, 70], [5, 40, 25, 30], [2, 60, 28, 10], [10, 28, 20, 42], [40, 2, 1, 57]]

@@ -26,7 +26,10 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "log.jsonl"
 
 
-COUNTED = "3 answers (1 cannot tell, 1 ignored because they contradict others, 1 more taken back)."
+COUNTED = (
+    "3 answers. Of these, 1 was “cannot tell” and 1 was ignored for contradicting others. "
+    "1 more was taken back."
+)
 
 
 def damage(path: Path) -> Path:
@@ -82,8 +85,8 @@ def test_check_counts_repeats_apart_from_what_is_unused(
         log.append(Answer(again, 1), used=False, **{REPEATS: "a"})  # type: ignore[arg-type]
         log.append(Answer(Query("b", LEFT, RIGHT), -1), used=False)  # type: ignore[arg-type]
     assert cli.main(["log", "check", str(path)]) == 0
-    kinds = "1 to repeated questions, 1 ignored because they contradict others"
-    said = f"{path}: whole; 3 answers ({kinds}).\n"
+    kinds = "1 was to repeated questions and 1 was ignored for contradicting others"
+    said = f"{path}: whole; 3 answers. Of these, {kinds}.\n"
     assert capsys.readouterr().out == said
 
 

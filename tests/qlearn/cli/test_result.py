@@ -39,7 +39,7 @@ def test_it_says_what_the_answers_say_and_leaves_the_log_as_it_is(
     assert log.read_bytes() == before
     assert "What the levels are worth" in said
     assert "patients were at “died” instead of “well”" in said
-    assert "Before your first answer another alternative could have been better by " in said
+    assert "Without your answers the choice could have lost up to " in said
     assert "report.html" in said
     answers = json.loads(Path("found/answers.json").read_text())
     assert [row["id"] for row in answers] == [e.answer.query.id for e in AnswerLog.read(log)]
@@ -63,6 +63,27 @@ def test_another_comparator_and_a_log_that_does_not_say_its_problem(
     assert "--problem" in capsys.readouterr().err
     assert main(["result", "none.jsonl"]) == 1
     assert "none.jsonl" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("head", "noun"),
+    [
+        ("name", "alternative"),
+        ("Treatment", "treatment"),
+        ("Kürzel", "alternative"),
+        ("x y", "alternative"),
+    ],
+)
+def test_alternatives_are_called_what_the_csv_calls_them(
+    head: str, noun: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "care.csv"
+    path.write_text(TABLE.replace("name", head), encoding="utf-8")
+    made = taught_again({"problem": str(path), "comparator": "polytope"})
+    said = made.subject.conclude(made.make(()).result(), 0.1)
+    assert said.changes is not None
+    assert (said.changes.of, said.changes.title) == (noun, f"The 3 {noun}s")
+    assert f"nother {noun} may be better" in said.next
 
 
 def test_a_log_of_a_comparator_that_is_no_more_says_what_to_use(log: Path) -> None:

@@ -158,15 +158,18 @@ export function mount(root, send, options = {}) {
     return STAYS;
   }
 
-  const keep = () =>
+  // `kept` is the place of the words that a file was given to the browser.
+  const keep = (kept) =>
     act(async () => {
       const report = await send({ do: "report" });
+      say(kept, given(report.name));
       return save(report.html, "text/html", report.name);
     });
 
-  const download = (what, format) =>
+  const download = (kept, what, format) =>
     act(async () => {
       const file = await send({ do: "download", what, format });
+      say(kept, given(file.name));
       return save(file.text, file.type, file.name);
     });
 
@@ -263,7 +266,8 @@ export function mount(root, send, options = {}) {
     for (const list of lists) list.style.marginBottom = "";
     if (room.width !== body.clientWidth) room = { width: body.clientWidth, lead: 0, card: 0 };
     const down = (from) => pair.getBoundingClientRect().top - from.getBoundingClientRect().top;
-    const lines = USUAL_LINES * parseFloat(getComputedStyle(body).lineHeight);
+    const usual = body.clientWidth < NARROW ? USUAL_LINES_OF_NARROW : USUAL_LINES;
+    const lines = usual * parseFloat(getComputedStyle(body).lineHeight);
     const counts = lists[0].querySelectorAll(".row");
     const rows = counts.length ? counts[0].offsetHeight * Math.max(0, USUAL_ROWS - counts.length) : 0;
     room.lead = Math.max(room.lead, down(body), body.firstChild.offsetHeight + lines);
@@ -361,11 +365,13 @@ export function mount(root, send, options = {}) {
     const radios = choices.map(([value, words, label], i) => {
       const input = part("input", "", { type: "radio", name: "elicit-budget", value });
       input.checked = i === choices.length - 1;
-      const longest = value ? LONGEST : LONGEST_LENGTH;
-      const likely = part("span", "soft likely", {}, [part("span", "", { "aria-hidden": "true" }, [longest]), part("span")]);
+      input.setAttribute("aria-describedby", "elicit-likely");
+      input.addEventListener("change", sayLikely);
       const said = part("span", "", {}, [part("b", "", {}, [words]), " ", part("span", "soft", {}, [label])]);
-      return part("label", "choice", {}, [input, said, likely]);
+      return part("label", "choice", {}, [input, said]);
     });
+    // the forecast of the chosen time is below Start, which so does not move when it comes or changes
+    const likely = part("p", "soft small likely", { id: "elicit-likely" });
     const start = () => {
       const minutes = body.querySelector("input[name='elicit-budget']:checked")?.value ?? "";
       show({ do: "start", who: who.value, minutes }, "The interview has not started yet.");
@@ -384,8 +390,8 @@ export function mount(root, send, options = {}) {
       who,
       part("fieldset", "", {}, [part("legend", "strong", {}, ["How much time do you have?"]), ...radios]),
       button("pick", "Start", start),
+      likely,
       part("p", "soft small", {}, ["A practice question comes first. ", fewest(least)]),
-      part("p", "soft small simulated", {}, []),
       part("p", "soft small", {}, [before]),
     ]);
     const right = part("div", "column", {}, [form]);
@@ -403,7 +409,7 @@ export function mount(root, send, options = {}) {
     const name = practice ? "Practice" : `Question ${asked.number}`;
     const parts = asked.sentences.map((sentence) => part("p", "same", {}, [sentence]));
     if (practice) parts.unshift(part("p", "practice", {}, [TRY, circles(asked)]));
-    if (screen.legend.duration) parts.push(part("p", "soft same", {}, [screen.legend.duration]));
+    if (screen.legend.duration) parts.push(part("p", "soft same duration", {}, [screen.legend.duration]));
     if (asked.icons) circled = true;
     else if (circled) barred ??= asked.id;
     if (asked.id === barred) parts.push(part("p", "soft same bars", {}, [BARS]));
@@ -491,6 +497,9 @@ export function mount(root, send, options = {}) {
       made.setAttribute("aria-describedby", left.id);
       return part("div", "option", {}, [made, left]);
     });
+    // of two answers, each has its button below it
+    const own = said.length === 2 && buttons.length > 2 ? buttons.splice(0, 2) : [];
+    for (const [i, made] of own.entries()) cards[i].append(made);
     const grid = part("div", said.length === 1 ? "" : "columns even", {}, cards);
     const parts = [part("p", "soft", {}, [text]), grid, part("div", "mid options", {}, buttons)];
     parts.push(part("p", "soft small", {}, ["An answer that you do not keep stays in the log, but no longer counts. What you keep can still be taken back later."]));
@@ -531,22 +540,21 @@ export function mount(root, send, options = {}) {
   }
 
   // What came in beside the welcome: what each budget will likely prove.
-  let looked = false;
-  function drawProspects({ budgets, settled, ready }) {
-    const places = [...body.querySelectorAll(".likely > :last-child")];
-    const none = ready ? "" : places.length ? "Working out what this will likely prove\u00a0..." : "";
-    for (const [i, place] of places.entries()) {
-      say(place, i === places.length - 1 ? settled : budgets[i] || none);
-    }
-    const simulated = body.querySelector(".simulated");
-    const nothing = ready && !budgets.length && !settled ? UNFORESEEN : "";
-    const choices = [...body.querySelectorAll(".choice")];
-    const heights = choices.map((choice) => choice.getBoundingClientRect().height);
-    if (nothing) body.querySelector(".form")?.classList.add("unforeseen");
-    // at the first look no place was kept yet, later each choice keeps its height, so that Start does not move
-    for (const [i, choice] of choices.entries()) choice.style.minHeight = nothing && looked ? `${heights[i]}px` : "";
-    looked = true;
-    if (simulated) say(simulated, budgets.length ? SIMULATED : nothing);
+  let prospects = null;
+  function drawProspects(reply) {
+    prospects = reply;
+    sayLikely();
+  }
+
+  function sayLikely() {
+    const place = body.querySelector(".likely");
+    if (!place || !prospects) return;
+    const { budgets, settled, ready } = prospects;
+    const all = [...body.querySelectorAll("input[name='elicit-budget']")];
+    const chosen = all.findIndex((one) => one.checked);
+    const found = chosen === all.length - 1 ? settled : budgets[chosen];
+    const none = ready ? (budgets.length || settled ? "" : UNFORESEEN) : "Working out what this will likely prove\u00a0...";
+    say(place, found ? `${found} ${SIMULATED}` : none);
   }
 
   function end() {
@@ -555,14 +563,16 @@ export function mount(root, send, options = {}) {
     const after = `${status} (${answersOf(screen.end.counts.answered)})`;
     const top = [part("p", settled ? "status good" : "status", {}, [settled ? `✓ ${after}` : after])];
     for (const said of [caution, ...remarks].filter(Boolean)) top.push(part("p", "caution", {}, [said]));
+    if (screen.end.reason) top.push(part("p", "reason", {}, [screen.end.reason]));
     const facts = [
       ["How sure", screen.end.sure], ["How close", screen.end.size], ["Before", screen.end.before], ["Next", screen.end.next], ["You gave", screen.end.given],
       ["Checks", `${screen.end.checks} ${screen.end.by_chance}`.trim()],
     ].filter(([, text]) => text);
     top.push(part("dl", "facts", {}, facts.flatMap(([a, b]) => [part("dt", "", {}, [a]), part("dd", "", {}, [b])])));
-    const doing = [button("pick", "Download report", keep)];
+    const kept = part("p", "soft small kept", { role: "status" });
+    const doing = [button("pick", "Download report", () => keep(kept))];
     if (more) doing.push(button("alt", "Ask me more", () => show({ do: "more" })));
-    top.push(part("div", "mid closing", {}, [...doing, undoing()]));
+    top.push(part("div", "mid closing", {}, [...doing, undoing()]), kept);
     const parts = [part("section", "panel", {}, top)];
     if (open) parts.push(part("p", "same", {}, [open]));
     parts.push(...conflicts.map(conflict));
@@ -570,37 +580,41 @@ export function mount(root, send, options = {}) {
     if (changes) parts.push(changed(changes));
     if (plan) parts.push(whole(plan));
     if (statements.length) parts.push(section("What else follows", lines(statements)));
-    parts.push(section("Downloads", [files(screen.end.downloads)]));
-    const rest = screen.end.limits.map((line) => part("p", "soft small", {}, [line]));
+    parts.push(section("Downloads", files(screen.end.downloads)));
+    const rest = [screen.end.source, ...screen.end.limits].filter(Boolean).map((line) => part("p", "soft small", {}, [line]));
     parts.push(part("div", "part", {}, [...rest, ...technical(screen.end.facts)]));
     return [{ heading: [screen.end.headline || "There are no more questions"], name: "Result", more: "" }, ...parts];
   }
 
   function files(downloads) {
+    const kept = part("p", "soft small kept", { role: "status" });
     const rows = downloads.map(({ what, name }) => {
       const buttons = ["csv", "json"].map((format) => {
-        const made = button("back", format.toUpperCase(), () => download(what, format));
+        const made = button("back", format.toUpperCase(), () => download(kept, what, format));
         made.setAttribute("aria-label", `${name} as ${format.toUpperCase()}`);
         return made;
       });
       const words = part("span", "", {}, [part("b", "", {}, [name]), ` ${FILES[what]}`]);
       return part("li", "", {}, [words, part("span", "buttons", {}, buttons)]);
     });
-    return part("ul", "list", {}, rows);
+    return [part("ul", "list", {}, rows), kept];
   }
 
   // What the answers change: a heading, a note, and a table that can be filtered, and is folded unless it is `unfolded`.
   // What is still open has a table of its own.
-  function changed({ title, note: remark, columns, rows, of, open, unfolded }) {
-    const made = [part("p", "soft", {}, [remark])];
+  function changed({ title, note: remark, columns, rows, of, several, open, unfolded, marked, mark }) {
+    const made = remark.split("\n").map((words) => part("p", "soft", {}, [words]));
     if (rows.length) {
-      const table = folded(title, columns, rows, of, [], "elicit-filter");
+      const table = folded(title, columns, rows, several || `${of}s`, of, [], "elicit-filter");
+      const line = marked === null ? null : table.querySelectorAll("tbody tr")[marked];
+      line?.classList.add("chosen");
+      line?.firstChild.append(" ", part("span", "tag", {}, [mark]));
       table.open = Boolean(unfolded);
       made.push(table);
     }
     if (open) {
       const said = [part("p", "soft", {}, [open.note])];
-      made.push(folded(open.title, open.columns, open.rows, open.of, said, "elicit-filter-open"));
+      made.push(folded(open.title, open.columns, open.rows, `${open.of}s`, open.of, said, "elicit-filter-open"));
     }
     return section(title, made);
   }
@@ -610,18 +624,19 @@ export function mount(root, send, options = {}) {
     const kinds = [...new Set(rows.map((row) => row.at(-1)))];
     return section(title, [
       part("p", "soft", {}, [remark]),
-      folded(title, columns, rows, of, [], "elicit-filter-plan", kinds.length > 1 ? kinds : []),
+      folded(title, columns, rows, `${of}s`, of, [], "elicit-filter-plan", kinds.length > 1 ? kinds : []),
     ]);
   }
 
   // A table that is folded and can be filtered: by words, and by the `kinds` of its last column.
-  function folded(title, columns, rows, of, said, id, kinds = []) {
+  function folded(title, columns, rows, several, of, said, id, kinds = []) {
+    const numbers = columns.map((_, i) => i > 0 && rows.every((row) => NUMBER.test(row[i])));
     const found = part("p", "soft small", { role: "status" }, [`${rows.length} of ${rows.length} shown`]);
     const field = part("input", "field", { type: "search", id, autocomplete: "off" });
     const lines = rows.map(([first, ...cells]) =>
       part("tr", "", { role: "row" }, [
         part("th", "", { scope: "row", role: "rowheader" }, [first]),
-        ...cells.map((cell, i) => part("td", "", { role: "cell", "data-head": columns[i + 1] }, [cell])),
+        ...cells.map((cell, i) => part("td", numbers[i + 1] ? "number" : "", { role: "cell", "data-head": columns[i + 1] }, [cell])),
       ]),
     );
     const kind = part("select", "field", { id: `${id}-kind`, "aria-label": `Show only, by ${columns.at(-1).toLowerCase()}` }, [
@@ -639,14 +654,14 @@ export function mount(root, send, options = {}) {
     };
     field.addEventListener("input", filter);
     kind.addEventListener("change", filter);
-    const heads = columns.map((column) => part("th", "", { scope: "col", role: "columnheader" }, [column]));
+    const heads = columns.map((column, i) => part("th", numbers[i] ? "number" : "", { scope: "col", role: "columnheader" }, [column]));
     const table = part("table", columns.length > 3 ? "changes many" : "changes", { role: "table" }, [
       part("thead", "", { role: "rowgroup" }, [part("tr", "", { role: "row" }, heads)]),
       part("tbody", "", { role: "rowgroup" }, lines),
     ]);
     const label = part("label", "", { for: id }, ["Filter the table "]);
     const scrolls = part("div", rows.length > FEW ? "scrolls" : "scrolls all", { tabindex: "0", role: "region", "aria-label": title }, [table]);
-    const words = rows.length === 1 ? `Show the ${of}` : `Show the ${rows.length} ${of}s`;
+    const words = rows.length === 1 ? `Show the ${of}` : `Show the ${rows.length} ${several}`;
     const choice = kinds.length ? [part("label", "", { for: `${id}-kind` }, ["Show "]), kind] : [];
     const filters = rows.length > FEW ? [part("div", "filter", {}, [label, field, ...choice, found])] : [];
     return part("details", "panel", {}, [part("summary", "", {}, [words]), ...said, ...filters, scrolls]);
@@ -690,10 +705,11 @@ export function mount(root, send, options = {}) {
     const items = listed.answers.map((one) => {
       const tags = [];
       const counts = !one.withdrawn || (one.repeat && one.replaced); // what was taken back is struck through
-      if (!counts) tags.push(one.replaced ? "replaced after a check" : "taken back");
+      if (!counts) tags.push(one.replaced ? "replaced after a check" : one.dropped ? "not kept: it contradicted another" : "taken back");
       else if (among.has(one.id)) tags.push("contradicts others");
       if (!one.withdrawn && !one.used && !one.repeat) tags.push("ignored");
       if (one.repeat) tags.push("asked again as a check");
+      if (one.order) tags.push("check of the order");
       if (one.repeat && one.replaced) tags.push("settled since");
       const said = part("span", "", {}, [part("span", "soft", {}, [`${one.number}. `]), part(counts ? "span" : "s", "", {}, [one.sentence])]);
       const words = part("span", "words", {}, [said]);
@@ -790,7 +806,9 @@ export function mount(root, send, options = {}) {
 }
 
 const USUAL_ROWS = 3; // levels that a question shows, and lines above its sides: one with less gets as much room
-const USUAL_LINES = 5;
+const USUAL_LINES = 4;
+const USUAL_LINES_OF_NARROW = 3;
+const NARROW = 640; // px of width, as the style has it
 const FEW = 12; // rows that need no filter, and are shown at once
 const NEXT = { words: "Working out what comes next ...", after: SLOW };
 const GETTING_READY = "Getting ready ...";
@@ -800,14 +818,13 @@ const RESULT = { words: "Working out your result ...", after: 50 };
 const PREPARING = "This takes a few seconds. The first start on a computer compiles, which takes up to two minutes.";
 const TRY = "Practice question: your answer is not saved.";
 const BARS = "These numbers are too large to draw circles, so the length of a bar shows how many.";
-const LONGEST = "Settled in 10 of 12 simulations. In half of all 12 the result could still fall 0.0055 in 100 short.";
-const LONGEST_LENGTH = "Half of the simulated sessions took at most 55 questions, about 20 minutes.";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
 const UNFORESEEN = "How far each choice of time gets cannot be foreseen here. You will see it as you go.";
 const GIVEN = "It was given when the program was started.";
 const MENDS = "Taking back any one of them fixes it. The others stay.";
 const SURE = { yes: "Yes, take it back", no: "No, keep it" };
 const LETTERS = { on: "A, B, ? and U work", off: "only the arrow keys work" };
+const NUMBER = /^(-|not known yet|-?\d[\d.,]*( to \d+)?( \((at least|or) [^)]*\))?)$/; // a cell to be set right-aligned
 const STAYS = "stays"; // returned by what changes nothing on the screen
 const WHEN = { dateStyle: "medium", timeStyle: "short" };
 const FILES = {
@@ -815,7 +832,7 @@ const FILES = {
   plan: "what follows from your answers",
   answers: "each one, with both sides as you saw them, and whether it is used",
 };
-const PLAIN = new Set(["asked again as a check", "settled since"]); // no fault of the answer
+const PLAIN = new Set(["asked again as a check", "check of the order", "settled since"]); // no fault of the answer
 const REMEMBERED = "elicit: letter keys";
 
 // Whether letters answer, as it was set last in this browser, which may forbid to remember anything.
@@ -926,28 +943,30 @@ function worth(scale, certainty, notes) {
       : part("td", "drawn", { role: "cell" }, [axis()]),
   );
   const rows = scale.map((row, i) => {
-    const { label, value, low, high, asked, known } = row;
+    const { label, value, low, high, asked, known, rough } = row;
     const range = low === high ? "fixed" : `${low} to ${high}`;
     const name = asked ? [label] : [label, part("span", "soft small never", {}, ["never asked"])];
     return part("tr", "", { role: "row" }, [
       part("th", "", { scope: "row", role: "rowheader" }, name),
       part("td", "drawn", { role: "cell" }, [
-        interval(low, value, high, colourOf(scale.length - 1 - i, scale.length), known),
+        interval(low, value, high, colourOf(scale.length - 1 - i, scale.length), known, rough),
       ]),
       part("td", "number", { role: "cell" }, [guessWords(row)]),
       part("td", "number", { role: "cell" }, [range]),
     ]);
   });
+  const [best, worst] = [scale[0].label, scale.at(-1).label];
   const said =
-    "From 0, the worst level, to 100, the best. A level at 60 is as good to you as 60 of 100 at the best level and 40 " +
-    "at the worst. The bar is the range, and the dot is the best guess.";
+    `From 0 (“${worst}”) to 100 (“${best}”). A level at 60 is as good to you as 60 of 100 at “${best}” and 40 at “${worst}”. ` +
+    `Dot: best guess. Bar: range (${certainty}).`;
   // roles, because a narrow page lays the rows out as a grid, which takes the table's own roles away
   const table = part("table", "worth", { role: "table" }, [
-    part("caption", "soft", {}, [[said, `The ranges hold ${certainty}.`, ...notes].join(" ")]),
+    part("caption", "soft", {}, [said]),
     part("thead", "", { role: "rowgroup" }, [part("tr", "", { role: "row" }, head)]),
     part("tbody", "", { role: "rowgroup" }, rows),
   ]);
-  return section("What the levels are worth to you", [part("div", "panel", {}, [table])]);
+  const below = notes.length ? [part("p", "soft small below", {}, [notes.join(" ")])] : [];
+  return section("What the levels are worth to you", [part("div", "panel", {}, [table, ...below])]);
 }
 
 function svg(tag, attributes, inside = []) {
@@ -964,9 +983,11 @@ export function axis() {
 
 // A level's best guess, or words in its place.
 export const guessWords = ({ value, known, rough }) =>
-  known ? String(Math.round(value)) : rough ? "only roughly" : "not known yet";
+  known ? String(Math.round(value)) : rough ? `about\u00a0${Math.round(value)}` : "not known yet";
 
-export function interval(low, value, high, colour, asked) {
+// A level's range with a dot at its best guess. One of which too little is `asked` has a hollow bar, and a hollow dot if
+// it is known roughly.
+export function interval(low, value, high, colour, asked, rough = false) {
   const marks = [0, 25, 50, 75, 100].map((x) => `${x}%`);
   const grid = marks.map((x) => svg("line", { class: "grid", x1: x, x2: x, y1: 0, y2: "100%" }));
   const [x, width] = [`${low}%`, `${high - low}%`];
@@ -975,6 +996,7 @@ export function interval(low, value, high, colour, asked) {
   const end = low === high;
   if (end) parts.push(svg("circle", { class: "fixed", cx: `${value}%`, cy: "50%", r: 7, fill: colour }));
   else if (asked) parts.push(svg("circle", { class: "guess", cx: `${value}%`, cy: "50%", r: 3 }));
+  else if (rough) parts.push(svg("circle", { class: "roughly", cx: `${value}%`, cy: "50%", r: 4 }));
   return svg("svg", { class: "interval", "aria-hidden": "true", focusable: "false" }, [...grid, ...parts]);
 }
 
@@ -991,11 +1013,13 @@ function toCome(range, seconds, atLeast) {
   const [least, most] = range;
   if (most === 0) return "perhaps the last one";
   const minutes = Math.max(1, Math.round((most * seconds) / 60));
-  const time = `, up to ${minutes} ${minutes === 1 ? "minute" : "minutes"}`;
-  if (least === most) return `about ${most} more${time}`;
+  const time = `${minutes}\u00a0min`;
+  if (least === most) return `about ${most} more, up to ${time}`;
   // no promise: an answer can open more than it closes
-  return least === 0 ? `up to about ${most} more${time}` : `about ${least} to ${most} more${time}`;
+  return least === 0 ? `up to about ${most} more (${time})` : `about ${least} to ${most} more, up to ${time}`;
 }
+
+const given = (name) => `Given to your browser as ${name}: look among its downloads.`;
 
 const answersOf = (n) => (n ? `${n} ${n === 1 ? "answer" : "answers"}` : "no answers");
 

@@ -149,7 +149,7 @@ function agreeing({ few, levels, certainty, questions, groups, people: who }) {
   if (few) return [section("Agreement so far", [part("p", "soft", {}, [few])])];
   const said =
     "Each level's value to each person, from 0, the worst level, to 100, the best. The bar is the range, " +
-    "and the dot is the best guess. A dashed bar is a level without a best guess. “Not known yet” means that none of the person's answers narrows its range, “only roughly” that they leave a wide range. " +
+    "and the dot is the best guess. A dashed bar is a wide range: its best guess, with a hollow dot and “about”, is not exact yet. “Not known yet” means that none of the person's answers narrows a range. " +
     `The ranges hold ${certainty}.`;
   const rows = levels.flatMap(({ label, each }, i) => [
     part("tr", "first", {}, [part("th", "level", { scope: "rowgroup", colspan: "3" }, [label])]),
@@ -159,7 +159,7 @@ function agreeing({ few, levels, certainty, questions, groups, people: who }) {
       const colour = colourOf(levels.length - 1 - i, levels.length);
       const cells = [
         part("th", "name", { scope: "row" }, [one.who]),
-        part("td", "drawn", {}, [interval(one.low, one.value, one.high, colour, one.known)]),
+        part("td", "drawn", {}, [interval(one.low, one.value, one.high, colour, one.known, one.rough)]),
         part("td", "number", {}, [one.low === one.high ? String(one.low) : guess]),
       ];
       return part("tr", "", {}, cells);

@@ -117,28 +117,23 @@ def test_answers_that_differ_as_often_as_by_chance_are_said() -> None:
 def test_checks_are_passed_or_look_like_chance(
     alike: int, differed: int, passed: bool, chance: bool, cases: str
 ) -> None:
-    one = Conduct(20, 20, alike + differed, differed, "a", 1)
+    checks = alike + differed
+    one = Conduct(20, 20, checks, differed, "a", 1, against_order=differed)
     assert (one.passed, one.like_chance) == (passed, chance)
-    those = "one" if alike + differed == 1 else f"{alike + differed}"
     order = (
-        f"With the {those} against the order of the levels, {alike} of {alike + differed} checks "
+        f"{checks} more questions checked the order of the levels, and {alike} were answered as "
     )
-    order += "were answered as expected. "
-    guesses = "Someone who chooses A or B at random passes half of the checks, and "
-    keeps = "an answer that does not go against the order of the levels"
-    said = f"{order}A check is passed by {keeps}. {guesses}"
-    if "half" in cases:
-        assert one.by_chance == f"{said}so does as well."
-    else:
-        rare = {"32", "28", "30"} & {*cases.split()}
-        tell = "So your answers hardly look like guesses."
-        tell = tell if rare else "More checks would tell your answers from guesses."
-        well = f"does as well in {cases.replace('cases', 'interviews')[8:]}. {tell}"
-        said = f"{said}{well}"
-        assert one.by_chance == said
-        repeats = replace(one, repeated=one.checks)  # then the screen has counted them already
-        as_before = "A check is passed by the same answer as before. "
-        assert repeats.by_chance == f"{as_before}{guesses}{well}"
+    well = "Guesses do as well in half of all interviews or more."
+    if "half" not in cases:
+        do = "do as well" if differed else f"pass all {checks} checks"
+        well = f"Guesses {do} in {cases.replace('cases', 'interviews')[8:]}."
+        if not {"32", "28", "30"} & {*cases.split()}:
+            well += " More checks would tell more."
+    assert one.by_chance == f"{order}expected. {well}"
+    repeats = replace(one, repeated=checks)  # then the screen has counted them already
+    assert repeats.by_chance == well
+    one_more = replace(one, checks=checks + 1, repeated=checks, against_order=0)
+    assert one_more.by_chance.startswith("One more question checked the order of the levels, and ")
     assert (one.caution() is not None) == (chance or (one.checks >= 11 and not passed))
 
 

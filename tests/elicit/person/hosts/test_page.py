@@ -4,6 +4,7 @@ import re
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -187,7 +188,7 @@ def test_a_session_by_mouse(windows: Windows) -> None:
         start(page)
         click(page, truthfully(page))
         at(page, "Question 1")
-        assert page.inner_text(".note") == "Right. Now the real questions."
+        assert page.inner_text(".note") == "That is how it works. Now the real questions."
         for n in range(1, 6):
             at(page, f"Question {n}")
             assert page.title() == f"Question {n} - ICU-Sepsis"
@@ -206,6 +207,8 @@ def test_a_session_by_mouse(windows: Windows) -> None:
         with page.expect_download() as kept:
             name(page, "Download report").click()
         page.locator("button:focus", has_text="Download report").wait_for()
+        said = f"Given to your browser as {kept.value.suggested_filename}: look among"
+        assert page.locator(".kept").first.inner_text().startswith(said)
         assert re.fullmatch(
             r"icu-sepsis-report-\d{4}-\d\d-\d\d\.html", kept.value.suggested_filename
         )
@@ -601,7 +604,7 @@ def test_the_welcome_says_if_nothing_can_be_foreseen(windows: Windows) -> None:
         waiting.wait_for()
         seen.append(waiting.inner_text())
         page.get_by_text("How far each choice of time gets cannot be foreseen here.").wait_for()
-        assert not any(place.is_visible() for place in page.locator(".likely").all())
+        assert page.inner_text(".likely").endswith("You will see it as you go.")
 
 
 @pytest.mark.parametrize(
@@ -956,6 +959,11 @@ def test_a_contradiction_is_brought_up_at_once_and_mended_with_one_tap(
         fits(page)
         page.reload()
         stage(page, "conflict")
+        buttons = page.locator("section.panel")  # each answer has its button below it
+        assert [one.locator("[data-keep]").inner_text() for one in buttons.all()] == [
+            "Keep answer 1",
+            "Keep answer 2",
+        ]
         page.locator("[data-keep]").nth(1).click()
         page.wait_for_selector(".sheet:not([data-stage=conflict])")
         assert "conflict" not in page.inner_text(".nav")
@@ -1067,14 +1075,26 @@ def test_a_long_table_of_changes_is_folded_and_filtered(windows: Windows) -> Non
             "open state",
         ),
     )
-    concluded = Conclusion(headline="Your plan is settled.", changes=table, settled=True)
+    table = replace(table, marked=2, mark="best")
+    concluded = Conclusion(
+        headline="Your plan is settled.", reason="By 3.", changes=table, settled=True
+    )
     with served(windows.log, QUESTIONS[:1], conclude=lambda *_: concluded) as server:
         page = practised(windows, server)
         click(page, truthfully(page))
         at(page, "Result")
         assert page.inner_text("h1") == "Your plan is settled."
+        assert page.inner_text(".reason") == "By 3."
         assert not page.is_visible(".changes")
         page.click("text=Show the 40 states")
+        assert page.locator(".chosen").inner_text().split() == [
+            "state",
+            "2",
+            "best",
+            "old",
+            "new",
+            "2",
+        ]
         page.fill("#elicit-filter", "new 3")
         assert page.inner_text(".filter p") == "6 of 40 shown"
         assert page.locator(".changes tbody tr:visible").count() == 6

@@ -116,25 +116,28 @@ def test_a_plan_changes_only_what_is_certain_and_says_what_is_not_decided(
             (n > 0, rest > 0),
             (
                 f"In {n} of 8 states your answers change the plan",
-                f" {held_so} {sure}, if the rest of the plan is as here.",
+                f" {held_so} {sure}, if the rest of the plan is as here."
+                + " More answers may still change this list." * (name == "posterior"),
             ),
         )
         if n and rest:
             note += f" In {rest} more your answers may change it, but do not decide it."
         assert changes.title == title
+        reason = re.fullmatch(rf"{title}(?:, (mostly )?for (.*))?\.", found_now.reason)
+        assert (reason is not None) == (n > 0)
+        if reason and reason[2]:
+            same = sum(row[3] == reason[2] for row in changes.rows)
+            assert n / 2 < same <= n
+            assert (same == n) == (reason[1] is None)
         if len(states):
-            note += (
-                " “Why” names the level that matters most by the best guess, and its value with "
-                "equal steps."
-            )
+            note += " “Why” names the level that matters most by the best guess."
         steps = "equal steps between the levels (each better than the one below it by the same "
         assert changes.note.strip() == f"Compared with {steps}amount).{note}"
         for state, row in zip(certain.tolist(), changes.rows, strict=True):
             why, more = row[3], d[states.tolist().index(state)]
             if why != "what follows in the rest of the plan":
-                grows, label = re.fullmatch(
-                    r"(more|less) “(.*)”, which you (?:probably )?value \1 than \d+", why
-                ).groups()
+                found_why = r"(more|less) “(.*)”, which you( probably)? value \1 than the \d+ of "
+                grows, label, _ = re.fullmatch(f"{found_why}equal steps", why).groups()
                 level = mdp.labels.index(label)
                 assert (more[level] > 0) == (grows == "more")
                 if "probably" not in why:  # it holds for every plausible scale
@@ -214,11 +217,11 @@ def test_how_sure_a_bound_is_stands_beside_it_unless_it_is_proven(name: str) -> 
     if name == "posterior":
         assert found.size.startswith("Your plan falls short of your ideal plan by at most as ")
         assert " (with 95% probability). This is a measure of size" in found.size
-        assert found.before.endswith(" 20 in 100 short, with 95% probability not more.")
-        assert " short of your ideal plan, with 95% probability not more. That is " in stakes
+        assert " lost up to 20 in 100 (with 95% probability): as much value as " in found.before
+        assert re.search(r" ideal plan by up to [\d.]+ in 100 \(with 95% probability\): ", stakes)
     else:
         assert found.size.startswith("Your plan falls short of your ideal plan by at most as ")
-        assert found.before.endswith(" 20 in 100 short.")
+        assert " lost up to 20 in 100: as much value as " in found.before
         assert "probability" not in f"{found.sure}{stakes}"
     shares = np.array([[0.0, 0.4, 0.6, 0.0], [0.1, 0.0, 0.5, 0.4], [0.0, 0.2, 0.6, 0.2]])
     names = ["first", "second", "third"]
@@ -340,14 +343,71 @@ def test_a_choice_that_need_not_be_the_best_is_only_recommended(status: Status) 
 
 
 @pytest.mark.parametrize(("second", "together"), [([0.02, 0.8, 0.18], True), ([1, 0, 0], False)])
-def test_ranges_that_overlap_are_said_to_move_together(second: list[float], together: bool) -> None:
+def test_ranges_that_overlap_although_one_is_ahead_are_explained(
+    second: list[float], together: bool
+) -> None:
     """Both contain the middle level, or only one does, and the other is worth nothing."""
     shares = np.array([[0.0, 0.8, 0.2], second])
     told = InWords(("bad", "middle", "good"), Words(), 0.01)
     result = choose(shares, PolytopeComparator(3), names=["first", "other"]).result()
     changes = choice_conclusion(told, ["first", "other"], shares, result, None).changes
     assert changes is not None
-    assert ("The ranges move together" in changes.note) is together
+    assert ("Two ranges may overlap" in changes.note) is together
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_the_lead_over_the_second_is_said_and_holds_for_every_plausible_scale(name: str) -> None:
+    shares = np.array([[0.0, 0.4, 0.6, 0.0], [0.1, 0.0, 0.5, 0.4], [0.0, 0.7, 0.2, 0.1]])
+    names, tutor = ["first", "second", "third"], FlippingTutor([0.0, 0.3, 0.45, 1.0], 0.0)
+    told = InWords(("dead", "bad", "fair", "good"), Words("people"), 0.01, alternative="therapy")
+    choosing = choose(shares, MAKERS[name][0](4), names=names)
+    leads = set()
+    for _ in range(20):
+        result = choosing.result()
+        found = choice_conclusion(told, names, shares, result, None)
+        assert found.changes is not None
+        best, rows = names.index(result.name), {row[0]: row for row in found.changes.rows}
+        said = re.fullmatch(
+            r"“(\w+)” is worth ([\d.-]+) of 100 more \(best guess; "
+            r"(at least|perhaps up to|not less) ?([\d.]*)( less,)? "
+            r"?(with 95% probability|for all values that fit your answers)\) than the second, "
+            r"“(\w+)”\. In 100 people it has (.*) in place of (.*)\. By your answers that is better"
+            r"( by the best guess)?\.",
+            found.reason,
+        )
+        assert said, found.reason
+        second = names.index(said[7])
+        d = shares[best] - shares[second]
+        least = float(said[4] or 0) * {"at least": 1, "not less": 0, "perhaps up to": -1}[said[3]]
+        low = -simultaneous_bounds(result.comparator, -d[None, :])[0][0]
+        assert 100 * low >= least - 1e-9
+        assert (said[10] is None) == (least >= 0)
+        assert float(said[2]) == pytest.approx(100 * d @ result.comparator.values, abs=0.51)
+        assert rows[result.name][-1] == "-"
+        assert found.changes.marked == [*rows].index(result.name)
+        assert (found.changes.title, found.changes.several) == ("The 3 therapies", "therapies")
+        behind = re.fullmatch(r"([\d.-]+) \((at least|or) ([\d.]+)( ahead)?\)", rows[said[7]][-1])
+        assert behind[1] == said[2]
+        assert (behind[2] == "or") == (least < 0)
+        leads.add(found.changes.mark)
+        if not (queries := choosing.ask()):
+            break
+        choosing.tell([tutor(query) for query in queries])
+    assert leads == ({"best guess", "best"} if name == "polytope" else {"best guess"})
+
+
+def test_a_lead_by_the_order_of_the_levels_alone_is_said_to_be_that() -> None:
+    shares, names = np.array([[0.0, 0.5, 0.5], [0.2, 0.4, 0.4]]), ["x", "y"]
+    told = InWords(("bad", "middle", "good"), Words(), 0.01)
+    result = choose(shares, PolytopeComparator(3), names=names).result()
+    found = choice_conclusion(told, names, shares, result, None)
+    assert found.reason == (
+        "“x” is worth 15 of 100 more (best guess; at least 10 for all values that fit your "
+        "answers) than the second, “y”. In 100 days it has 10 more “good” and 10 more “middle” in "
+        "place of 20 “bad”. By the order of the levels alone that is better."
+    )
+    alone = choose(shares[:1], PolytopeComparator(3), names=names[:1]).result()
+    assert not choice_conclusion(told, names[:1], shares[:1], alone, None).reason
 
 
 def test_alternatives_are_nearly_equal_only_if_that_holds_for_every_plausible_scale() -> None:
