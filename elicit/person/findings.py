@@ -8,10 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from elicit.model.comparator import Comparator, bounds_of
+from elicit.model.comparator import Comparator
 from elicit.model.comparator_parts import best_guess, trusted_share, unordered_of, wrong_of
 from elicit.model.difference import tail_sums
 from elicit.model.outcomes import assumed_of_answers
+from elicit.person.course.level_questions import draws_again, value_ranges
 from elicit.person.showing import printable
 from elicit.tutors.answer_log import Entry
 
@@ -140,9 +141,7 @@ def scale_rows(
     k = len(labels)
     asked = set(range(k)) if log is None else {0, k - 1} | asked_levels(log)
     open_step = unordered_of(comparator) or (-1, -1)
-    worst = open_step if open_step[0] == 0 else (0,)  # a value is that above the worst of these
-    above = [bounds_of(comparator, np.eye(k) - np.eye(k)[level]) for level in worst]
-    low, high = np.array(above).max(axis=0)
+    low, high = value_ranges(comparator, draws_again(comparator))
     values = 100.0 * best_guess(comparator)
     # rounded outwards, so that the statement holds
     low = np.clip(np.floor(100.0 * low + 1e-6), 0, 100)

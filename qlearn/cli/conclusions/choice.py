@@ -8,7 +8,6 @@ import numpy as np
 
 from elicit._support.fixed_order import product
 from elicit.asking.choose_from_list import Choice
-from elicit.model.comparator import bounds_of
 from elicit.model.comparator_parts import best_guess, simultaneous_bounds, wrong_of
 from elicit.model.difference import tail_sums
 from elicit.model.outcomes import Status, assumed_of_answers
@@ -23,6 +22,7 @@ from elicit.person.course.conclusion import (
     per_hundred,
     with_probability,
 )
+from elicit.person.course.level_questions import draws_again, ranges_of
 from elicit.person.showing import printable
 from qlearn.cli.conclusions.in_words import (
     InWords,
@@ -219,7 +219,7 @@ def choice_holds(told: InWords, result: Choice) -> bool:
 def _worth(told: InWords, names: Sequence[str], shares: Floats, result: Choice) -> ResultTable:
     """Return a table of what each alternative consists of, and its value as far as it is known."""
     labels = told.labels
-    low, high = bounds_of(result.comparator, shares)
+    low, high = ranges_of(result.comparator, shares, draws_again(result.comparator))
     points = _points(shares, result)
     order = np.argsort(-points, kind="stable").tolist()
     narrow = np.minimum(high, 1.0) - np.maximum(low, 0.0) <= _NARROW

@@ -20,8 +20,21 @@ from elicit.person.findings import (
     scale_notes,
     scale_rows,
 )
+from tests.thoroughness import quick_first
 
 LABELS = ("died", "ill", "fair", "well")
+ABOVE_80 = (  # differences of two groups of 10, and the verdict on each
+    ((-5, 0, 0, 10, 0, -5), 1),
+    ((-5, 0, 10, 0, 0, -5), -1),
+    ((0, -5, 0, 10, 0, -5), 1),
+    ((-2, 0, 0, 0, 10, -8), 1),
+    ((0, 0, 0, -10, 10, 0), 1),
+    ((-5, 0, 10, -5, 0, 0), 1),
+    ((-5, 0, 10, 0, -5, 0), -1),
+    ((-5, 0, 0, 10, -5, 0), 1),
+    ((0, 0, -5, 10, 0, -5), 0),
+    ((-6, 0, 10, 0, 0, -4), 0),
+)
 
 
 @pytest.mark.parametrize(
@@ -99,3 +112,16 @@ def test_an_answer_that_narrows_nothing_leaves_a_level_unknown() -> None:
     rows = scale_rows(PolytopeComparator(4), LABELS, log)  # which has not learned it
     ill = next(row for row in rows if row.label == "ill")
     assert (ill.asked, ill.known, ill.rough) == (True, False, False)
+
+
+@pytest.mark.parametrize("seed", quick_first([3, 8, 0, 1, 2], 2))
+def test_a_level_that_few_answers_are_about_keeps_a_wide_range(seed: int) -> None:
+    """Ten answers of a person to whom the last level but one was worth 85 say that it is above 80.
+
+    With these seeds the bounds of the comparator's own particles say more than 90.
+    """
+    labels = ("died", "critical", "severe", "moderate", "mild", "recovered")
+    counts, verdicts = zip(*ABOVE_80, strict=True)
+    known = PosteriorComparator(6, seed=seed).update(Answers(np.array(counts) / 10, verdicts))
+    mild = scale_rows(known, labels)[1]
+    assert mild.low <= 85 <= mild.high
