@@ -10,14 +10,17 @@ import csv
 import io
 import math
 import re
+import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple, TypeAlias
 from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
 
+from benchmarks import shown_ranges
 from benchmarks.asking import (
     about_equal,
     certificates,
@@ -206,6 +209,17 @@ def sessions(text: str) -> Iterator[str | Cells]:
     yield person_sessions.row_of(
         setting, [person_sessions.session(setting, i) for i in range(count)]
     )
+
+
+def ranges(text: str) -> Iterator[str | Cells]:
+    problem, setting = "list of 6, 4 levels", shown_ranges.Setting("few large steps", "few")
+    settled = next(row[3] for row in table_rows(text) if row[:3] == [problem, *setting])
+    asked = int(settled.split(" of ")[1])
+    with tempfile.TemporaryDirectory() as name:
+        shown_ranges.write_lists(folder := Path(name))
+        runs = [shown_ranges.interview(problem, setting, i, folder) for i in range(asked)]
+    found = [run for run in runs if run is not None]
+    yield shown_ranges.row_of((problem, *setting), asked, found)
 
 
 def scale(text: str) -> Iterator[str | Cells]:
@@ -449,6 +463,7 @@ SAMPLES = (
     Sample("RESULTS-cuts", cut),
     Sample("RESULTS-wrong", wrong),
     Sample("RESULTS-sessions", sessions),
+    Sample("RESULTS-ranges", ranges),
     Sample("RESULTS-scale", scale),
     Sample("RESULTS-growth", grown),
     Sample("RESULTS-calibration", calibrated(6, "posterior")),

@@ -4,34 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import Comparator, bounds_of, offers
-from elicit.model.comparator_parts import (
-    KeepsAnswers,
-    best_guess,
-    people_of,
-    tie_of,
-    trusted_share,
-    unordered_of,
-    wrong_of,
-)
+from elicit.model.comparator import Comparator
+from elicit.model.comparator_parts import best_guess, trusted_share, unordered_of, wrong_of
 from elicit.model.difference import tail_sums
 from elicit.model.outcomes import assumed_of_answers
-from elicit.model.query import InconsistentAnswers
-from elicit.model.scale import Floats
 from elicit.person.course.conclusion import listed
+from elicit.person.course.level_questions import draws_again, value_ranges
 from elicit.person.showing import printable
 from elicit.tutors.answer_log import Entry
 
-_WIDE = 20.0
+_WIDE = 10.0
 """Width of a range, of 100, up to which a best guess is always shown."""
-_OF_ALONE = 1 / 2  # share of the width that answers alone leave, below which a range is not theirs
-_TIE = 0.02  # share of the value range that a person calls equal, if a comparator does not say
 _FEW = 3  # levels that are named in a sentence
 _MOST_OF_ROOM = 1 / 3  # share of the room between the neighbours that a wider range may cover
 
@@ -52,18 +39,13 @@ class ScaleRow(NamedTuple):
     level: its best guess then comes from the program, not from the person.
 
     ``known`` is False if the best guess says too little to be shown. Either no answer is about the
-    level, or its interval is wider than 20 and covers more than a third of the room between its
+    level, or its interval is wider than 10 and covers more than a third of the room between its
     neighbours. That room is from the low end of the next worse level to the high end of the next
     better one.
 
     ``rough`` is True if the level is not ``known``, but answers are about it and its interval is
     less than the whole scale. Its best guess is "about" 75, where that of another level is "not
     known yet".
-
-    ``alone`` is True if the interval is the one that the answers alone leave, if all are right. It
-    takes the place of a comparator's own interval if that is less than half as wide: then the
-    comparator's assumptions about people say more than this person's answers. Such a level is
-    ``rough``.
     """
 
     label: str
@@ -73,7 +55,6 @@ class ScaleRow(NamedTuple):
     asked: bool = True
     known: bool = True
     rough: bool = False
-    alone: bool = False
 
 
 def guess_in_words(value: float, known: bool, rough: bool) -> str:
@@ -96,15 +77,10 @@ def scale_notes(rows: Sequence[ScaleRow], comparator: Comparator, settled: bool)
         notes.append(_ROUGHLY)
         if trusted_share(comparator) is not None or wrong_of(comparator) > 0:
             notes.append(_FOR_SLIPS)
-    if alone := [row for row in rows if row.alone]:
-        named = listed([f"“{row.label}”" for row in alone])
-        notes.append(
-            f"Few answers are about {named}: the range is what your answers alone leave, because "
-            "the program's own estimate rests more on what it assumes of people in general."
-        )
-    if wide := [row for row in hollow if not row.alone]:
-        it = "it" if len(wide) == 1 else "them"
-        those = listed([f"“{row.label}”" for row in wide]) if len(wide) <= _FEW else "these levels"
+    if hollow:
+        it = "it" if len(hollow) == 1 else "them"
+        named = listed([f"“{row.label}”" for row in hollow])
+        those = named if len(hollow) <= _FEW else "these levels"
         allows = f"The result allows for all that is still possible for {those}"
         needs = f", and does not need to know {it} more exactly" if settled else ""
         notes.append(f"{allows}{needs}.")
@@ -164,13 +140,8 @@ def scale_rows(
     k = len(labels)
     asked = set(range(k)) if log is None else {0, k - 1} | asked_levels(log)
     open_step = unordered_of(comparator) or (-1, -1)
-    worst = open_step if open_step[0] == 0 else (0,)  # a value is that above the worst of these
-    above = [bounds_of(comparator, np.eye(k) - np.eye(k)[level]) for level in worst]
-    low, high = np.array(above).max(axis=0)
+    low, high = value_ranges(comparator, draws_again(comparator))
     values = 100.0 * best_guess(comparator)
-    alone = np.zeros(k, np.bool_)
-    if log is not None:
-        low, high, alone = with_answers_alone(comparator, low, high)
     # rounded outwards, so that the statement holds
     low = np.clip(np.floor(100.0 * low + 1e-6), 0, 100)
     high = np.clip(np.ceil(100.0 * high - 1e-6), 0, 100)
@@ -183,50 +154,12 @@ def scale_rows(
     for level, label in enumerate(labels):
         ends = float(low[level]), float(high[level])
         has = level in asked
-        own = has and bool(alone[level])
         room = float(worse_low[level]), float(better_high[level])
-        known = has and not own and is_known(*ends, *room)
+        known = has and is_known(*ends, *room)
         rough = has and not known and ends != (0.0, 100.0)
-        row = ScaleRow(printable(label), float(values[level]), *ends, has, known, rough, own)
+        row = ScaleRow(printable(label), float(values[level]), *ends, has, known, rough)
         rows.append(row)
     return rows[::-1]
-
-
-def with_answers_alone(
-    comparator: Comparator, low: Floats, high: Floats
-) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """Return a comparator's bounds (k,) on values, and which are widened to those of answers alone.
-
-    They are widened where they are less than half as wide as what the answers alone leave.
-    """
-    alone = np.zeros(len(low), np.bool_)
-    found = _by_answers_alone(comparator)
-    if found is None:
-        return low, high, alone
-    alone[1:-1] = (high - low < _OF_ALONE * (found[1] - found[0]))[1:-1]
-    return (
-        np.where(alone, np.minimum(low, found[0]), low),
-        np.where(alone, np.maximum(high, found[1]), high),
-        alone,
-    )
-
-
-def _by_answers_alone(comparator: Comparator) -> tuple[Floats, Floats] | None:
-    """Return bounds (k,) on the levels' values that answers leave if all are right, or None.
-
-    None is returned if the comparator's own bounds are no others, if it does not keep its answers
-    or does not order all levels, and if the answers contradict each other.
-    """
-    if trusted_share(comparator) is None or unordered_of(comparator) is not None:
-        return None
-    if people_of(comparator) or not offers(comparator, "answers"):
-        return None
-    scales = PolytopeComparator(comparator.k, tie=max(_TIE, tie_of(comparator)))
-    try:
-        scales = scales.update(cast(KeepsAnswers, comparator).answers)
-    except InconsistentAnswers:
-        return None
-    return bounds_of(scales, np.eye(comparator.k) - np.eye(comparator.k)[0])
 
 
 def certainty(comparator: Comparator, whose: str = "your") -> str:
@@ -242,5 +175,5 @@ def certainty(comparator: Comparator, whose: str = "your") -> str:
     return (
         assumed_of_answers(wrong_of(comparator), whose)
         if level is None
-        else f"with {level:.0%} probability at each end"
+        else f"with {level:.0%} probability each"
     )

@@ -13,7 +13,7 @@ import numpy as np
 
 from elicit._support.fixed_order import product
 from elicit._support.hashing import fold, key_of, name_code
-from elicit.model.comparator import Comparator, bounds_of
+from elicit.model.comparator import Comparator
 from elicit.model.comparator_parts import draws_in, lapse_of, trusted_share
 from elicit.model.difference import tail_sums
 from elicit.model.query import Answer, Query, Verdict
@@ -22,6 +22,7 @@ from elicit.person.asker import Asker, Compares, tell
 from elicit.person.course.conclusion import listed
 from elicit.person.course.conduct import LEAST_CHECKS
 from elicit.person.course.forecast import Stated, rise
+from elicit.person.course.level_questions import value_ranges
 from elicit.person.showing import Shown, printable
 from elicit.tutors.erring_tutor import says_left
 
@@ -255,7 +256,7 @@ def what_is_open(shown: Shown, comparator: Comparator) -> str | None:
     """
     left, right = shown.vectors
     k = comparator.k
-    low, high = (100.0 * bound for bound in bounds_of(comparator, np.eye(k) - np.eye(k)[0]))
+    low, high = (100.0 * bound for bound in value_ranges(comparator))
     if not (np.isfinite(low).all() and np.isfinite(high).all()):
         return None
     labels = [f"“{printable(label)}”" for label in shown.labels]
@@ -267,7 +268,8 @@ def what_is_open(shown: Shown, comparator: Comparator) -> str | None:
     said = []
     if known:
         share = trusted_share(comparator)
-        sure = "" if share is None else f" (with {share:.0%} probability at each end)"
+        apiece = " each" if len(known) > 1 else ""
+        sure = "" if share is None else f" (with {share:.0%} probability{apiece})"
         each = listed([f"{labels[j]} is between {a} and {b}" for j, (a, b) in known.items()])
         widen = "" if share is None else f" {_WIDEN}"
         said.append(f"So far {each}{sure}, on the scale {scale}.{widen}")

@@ -10,7 +10,6 @@ import numpy as np
 
 from elicit._support.fixed_order import product
 from elicit.asking.choose_from_list import Choice
-from elicit.model.comparator import bounds_of
 from elicit.model.comparator_parts import best_guess, simultaneous_bounds, wrong_of
 from elicit.model.difference import tail_sums
 from elicit.model.outcomes import Status, assumed_of_answers
@@ -26,6 +25,7 @@ from elicit.person.course.conclusion import (
     up_to,
     with_probability,
 )
+from elicit.person.course.level_questions import draws_again, ranges_of
 from elicit.person.showing import printable
 from qlearn.cli.conclusions.in_words import (
     InWords,
@@ -323,7 +323,7 @@ def _worth(
     The choice is marked by ``mark``.
     """
     labels = told.labels
-    low, high = bounds_of(result.comparator, shares)
+    low, high = ranges_of(result.comparator, shares, draws_again(result.comparator))
     points = _points(shares, result)
     order = np.argsort(-points, kind="stable").tolist()
     narrow = np.minimum(high, 1.0) - np.maximum(low, 0.0) <= _NARROW

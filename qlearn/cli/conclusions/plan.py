@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from elicit._support.fixed_order import product
-from elicit.model.comparator import bounds_of
 from elicit.model.comparator_parts import best_guess
 from elicit.model.outcomes import Status
 from elicit.person.course.conclusion import (
@@ -20,7 +19,7 @@ from elicit.person.course.conclusion import (
     up_to,
     with_probability,
 )
-from elicit.person.findings import with_answers_alone
+from elicit.person.course.level_questions import draws_again, value_ranges
 from elicit.person.showing import printable
 from qlearn.cli.conclusions.decided_plan import DecidedPlan, DecidedPlans
 from qlearn.cli.conclusions.in_words import (
@@ -139,8 +138,7 @@ def _reasons(told: InWords, result: Result, found: DecidedPlan) -> dict[int, str
     steps.
     """
     value, steps = best_guess(result.comparator), np.linspace(0.0, 1.0, len(told.labels))
-    ends = np.eye(len(told.labels)) - np.eye(len(told.labels))[0]
-    low, high, _ = with_answers_alone(result.comparator, *bounds_of(result.comparator, ends))
+    low, high = value_ranges(result.comparator, draws_again(result.comparator))
     why = {}
     for state, more in zip(found.states.tolist(), found.differences, strict=True):
         matters = more * (value - steps)

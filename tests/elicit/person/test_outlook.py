@@ -85,9 +85,7 @@ def test_why_names_what_is_open_in_whole_numbers_that_hold() -> None:
         "Any one answer may be a slip: a range narrows once several agree, and may widen after an "
         "answer that was not expected."
     )
-    assert str(what_is_open(bag(5), posterior)).endswith(
-        f" (with 95% probability at each end), {scale} {may}"
-    )
+    assert str(what_is_open(bag(5), posterior)).endswith(f" (with 95% probability), {scale} {may}")
 
 
 def test_why_of_every_question_is_on_the_one_scale_of_the_levels() -> None:
