@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from elicit.diagnostics.agreement import Agreement
 
-_GROUP_LINES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1)))
+_GROUP_LINES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1)))
 _NAME = "scale_intervals"
 _FAINTER = tuple(
     {name: style[name] for name in ("marker", "linestyle")}
