@@ -281,7 +281,7 @@ def not_public(source):
     public too.
     """
     pages = "\n".join(page.read_text(encoding="utf-8") for page in sorted(REFERENCE.glob("*.md")))
-    named = set(re.findall(r"^\.\. (?:auto|py:)\w+:: ([\w.]+)", pages, re.MULTILINE))
+    named = set(re.findall(r"^\.\. (?:auto(?!module)|py:)\w+:: ([\w.]+)", pages, re.MULTILINE))
     modules = {name.rsplit(".", 1)[0] for name in named}
     public = (
         named
