@@ -436,7 +436,7 @@ def ablated(comparator: str) -> Again:
 
 
 def walked(text: str) -> Iterator[str | Cells]:
-    yield from rows_of(pd.DataFrame(dqn_on_terrain.rows(20_000)).round(4), text)
+    yield from rows_of(dqn_on_terrain.table(20_000, [0]), text)
 
 
 SAMPLES = (

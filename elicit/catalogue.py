@@ -209,39 +209,56 @@ _ENTRIES = (  # Okabe and Ito's colours; the markers and line styles tell the sa
 )
 COMPARATORS: Mapping[str, ComparatorEntry] = {entry.name: entry for entry in _ENTRIES}
 """The comparators by name."""
+OWN = "own comparator"
+"""The name of the look of a comparator that the catalogue does not have."""
+_THREE_POINTS, _FOUR_POINTS = (3, 1, 180), (4, 1, 0)  # matplotlib's stars of so many points
+_HOURGLASS = ((-0.8, -1), (0.8, -1), (-0.8, 1), (0.8, 1), (-0.8, -1))  # vertices of the marker
+_BOW_TIE = ((-1, -0.8), (-1, 0.8), (1, -0.8), (1, 0.8), (-1, -0.8))
 LOOKS: Mapping[str, Mapping[str, Any]] = {
     "polytope, audited": {"color": "#8B0000", "marker": "d", "linestyle": (0, (3, 1, 1, 1))},
-    "audited, repaired": {"color": "#332288", "marker": "<", "linestyle": (0, (3, 1.5))},
+    "audited, repaired": {"color": "#332288", "marker": _FOUR_POINTS, "linestyle": (0, (3, 1.5))},
     "asked 3 times": {"color": "#999933", "marker": "h", "linestyle": (0, (7, 1, 1, 1))},
     "policy iteration": {"color": "#117733", "marker": ">", "linestyle": "-"},
     "value iteration": {"color": "#882255", "marker": "<", "linestyle": (0, (5, 1.5))},
     "value iteration, late": {"color": "#B8860B", "marker": "v", "linestyle": (0, (2, 1))},
     "Q-learning": {"color": "#44AA99", "marker": "8", "linestyle": (0, (1, 1))},
     "random questions": {"color": "#666666", "marker": "x", "linestyle": (0, (3, 1, 1, 1))},
+    "bare bootstrap": {"color": "#00385C", "marker": _HOURGLASS, "linestyle": (0, (1, 1.5))},
+    "posterior, lapse 20%": {"color": "#7B2D5E", "marker": _THREE_POINTS, "linestyle": (0, (1, 2))},
+    OWN: {"color": "#8C564B", "marker": _BOW_TIE, "linestyle": (0, (6, 1, 1, 1, 1, 1))},
 }
-"""The look of ways of asking and of learners in pictures, by their label."""
+"""The look of ways of asking, of learners and of other comparators in pictures, by their label."""
 ALWAYS = "always"
 """The name of the comparator that learns nothing. With a truthful tutor it is the oracle."""
 
 STYLES: dict[str, dict[str, Any]] = {name: entry.look for name, entry in COMPARATORS.items()}
 """The colour, marker and line of each comparator, by the name that ``qlearn ablate`` gives it."""
 OTHER_LOOKS: tuple[dict[str, Any], ...] = (
-    {"color": "#8C564B", "marker": "*", "linestyle": (0, (6, 1, 1, 1, 1, 1))},
+    {**LOOKS[OWN]},
     {"color": "#4477AA", "marker": "<", "linestyle": (0, (3, 1.5))},
     {"color": "#AAAA00", "marker": "h", "linestyle": (0, (7, 1, 1, 1))},
     {"color": "#AA3377", "marker": ">", "linestyle": (0, (2, 2, 6, 2))},
     {"color": "#225555", "marker": "d", "linestyle": (0, (1, 1, 4, 1))},
     {"color": "#777777", "marker": "8", "linestyle": (0, (9, 1.5))},
 )
-"""The looks of names that the catalogue does not have, in this order."""
+"""The looks of names that the catalogue does not have, in this order: the first is ``OWN``'s."""
+PEOPLE: tuple[dict[str, Any], ...] = (
+    {"color": "#000060", "marker": "o"},
+    {"color": "#E3B505", "marker": "s"},
+    {"color": "#A50F4C", "marker": "^"},
+    {"color": "#6C6CFC", "marker": "D"},
+    {"color": "#F2A48C", "marker": "v"},
+    {"color": "#6C2424", "marker": "p"},
+)
+"""The looks of people beside each other. No comparator has one of these colours."""
 
 
 def styles(names: Iterable[str]) -> dict[str, dict[str, Any]]:
     """Return the colour, marker and line of each name, as matplotlib's keywords.
 
     A comparator's look is the one in ``STYLES``. Learners ("policy iteration") and ways of asking
-    ("polytope, audited") have fixed looks too. Each other name, such as a comparator of your own,
-    gets the next free look. The first six of these are all different.
+    ("polytope, audited") have fixed looks too. The first other name gets the look of "own
+    comparator", and each further one the next free look. The first six of these are all different.
 
     Parameters
     ----------
@@ -251,8 +268,10 @@ def styles(names: Iterable[str]) -> dict[str, dict[str, Any]]:
     -------
     dict of str to dict
     """
-    others, fixed = cycle(OTHER_LOOKS), STYLES | {name: {**look} for name, look in LOOKS.items()}
-    return {name: fixed[name] if name in fixed else next(others) for name in dict.fromkeys(names)}
+    given = list(dict.fromkeys(names))
+    others = cycle(OTHER_LOOKS[1:] if OWN in given else OTHER_LOOKS)
+    fixed = STYLES | {name: {**look} for name, look in LOOKS.items()}
+    return {name: fixed[name] if name in fixed else next(others) for name in given}
 
 
 def kind_of(comparator: Comparator) -> str:

@@ -44,7 +44,7 @@ HEAD = (
     "of them equal",
     "bound",
     "loss",
-    "broken",
+    "violated",
 )
 
 INTRODUCTION = """# About equal

@@ -75,23 +75,23 @@ ERRING: Mapping[str, Made] = {
 """The tutors who err, by what the page calls them."""
 HEAD = ("problem", "learner", "tutor errs", "tolerance", "problems", "asked nothing",
         "questions", "at most",
-        "spent", "kept",
+        "spent", "held",
         "answers wrong", "wait")  # fmt: skip
 ABOUT = f"""\
 Stops once no plausible scale lets the policy lose more than the tolerance, in percent of the value range, at any
 state: proven with the polytope, at 95% with the posterior.
 
-- *tutor errs*: **{FLIPS}**: a tenth of the answers, drawn by chance, are the wrong way round, however clear the case
+- *tutor errs*: **{FLIPS}**: a tenth of the answers, drawn by chance, are flipped, however clear the case
   is. **eq. (6)**: the tutor errs where two things are nearly equal, as in the paper's eq. (6): with its c = 1 on the paper's
   own units (discounted counts times values of 0 to 99), or with the c that errs in 10% of the comparisons of an optimal
   policy. These are the tutors "c=1" and "10%" of `qlearn figures`.
-- With a tutor who errs the posterior is as it comes: told neither how the tutor errs nor how often, nor of eq. (6) its c. The
+- With a tutor who errs the posterior is as it comes: it is not given how the tutor errs, how often, or the c of eq. (6). The
   same problems, for all tutors. {BUDGET:,} questions at most.
 - *asked nothing*: true loss at the worst state, in percent of the value range, of the policy that is best if all gaps
   between levels are equal: mean with its 95% t-interval.
 - *questions*: mean with its 95% t-interval; *at most*: the most in one run; *spent*: runs that ended because the
   {BUDGET:,} were asked.
-- *kept*: runs whose true loss at the worst state is within the bound that was stated, with the exact 95% interval.
+- *held*: runs whose true loss at the worst state is within the bound that was stated, with the exact 95% interval.
 - *answers wrong*: of those given, all runs together.
 - *wait*: from an answer to the next question, median; with `--jobs` above 1 it is longer.
 """  # noqa: E501

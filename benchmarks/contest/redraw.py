@@ -40,7 +40,7 @@ DRAWN = {  # in the picture: a colour, a style of line, and whether there is a b
     "minimax regret: current solution": ("tab:blue", "-", False),
     "polyhedral (Toubia)": ("tab:green", "-", False),
     "IDRL": ("tab:purple", "--", False),
-    "APReL: mutual information": ("black", "--", False),
+    "APReL: mutual information": ("#E7298A", "--", False),
     "Gaussian process (Zintgraf)": ("tab:olive", "--", False),
     "policy comparisons (Shao)": ("tab:brown", ":", False),
     "bisection of each level": ("tab:cyan", ":", False),

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter, StrMethodFormatter
 
-from elicit.plot import styles
+from elicit.catalogue import OWN, styles
 
 # of an axis: the measures of each row, and its label; the second of a pair has hollow markers
 PANELS = {
@@ -98,9 +98,11 @@ def decades(panel: Axes) -> float:
 
 
 def looks_of(methods: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """One colour, marker and line a method: of a comparator and of Q-learning with it the
-    comparator's own.
+    """Return one colour, marker and line a method.
+
+    Those of Q-learning with a comparator are the comparator's. No method has the look of a user's
+    own comparator.
     """
     names = {who: who.removeprefix("Q-learning, ") for who in methods}
-    looks = styles(names.values())
+    looks = styles([OWN, *names.values()])
     return {who: looks[name] for who, name in names.items()}

@@ -127,7 +127,7 @@ def _dominance(frame: pd.DataFrame) -> str:
     for k, runs in _first_series(frame[frame.comparator == "polytope"]).groupby("levels"):
         parts.append(f"{with_interval(100 * runs.dominance / runs.compared, 1)}% at k = {k}")
     return (
-        f"| {DOMINANCE} | holds | of all comparisons it settles {', '.join(parts)} "
+        f"| {DOMINANCE} | holds | of all comparisons it decides {', '.join(parts)} "
         f"({_places(frame)}) |"
     )
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from elicit.catalogue import OTHER_LOOKS, kind_of, styles
+from elicit.catalogue import OTHER_LOOKS, PEOPLE, kind_of, styles
 from elicit.model.comparator import Comparator, offers
 from elicit.plot.axes import (
     answers_of,
@@ -26,10 +26,12 @@ if TYPE_CHECKING:
 
     from elicit.diagnostics.agreement import Agreement
 
-_GROUPS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#666666")  # told apart by the colour-blind
-_MARKERS = "os^Dv<>ph*"
+_GROUP_LINES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1)))
 _NAME = "scale_intervals"
-_FAINTER = tuple({name: style[name] for name in ("marker", "linestyle")} for style in OTHER_LOOKS)
+_FAINTER = tuple(
+    {name: style[name] for name in ("marker", "linestyle")}
+    for style in (*OTHER_LOOKS[1:], OTHER_LOOKS[0])
+)
 
 
 def scale_intervals(
@@ -99,7 +101,8 @@ def scale_intervals(
         )
         for end in (low, high):
             ax.plot(end, at, "|", color=style["color"], markersize=7, markeredgewidth=1.5, zorder=1)
-        ax.plot(one.values, at, style["marker"], color=style["color"], markersize=6, zorder=2)
+        dots = {"color": style["color"], "marker": style["marker"], "linestyle": "none"}
+        ax.plot(one.values, at, markersize=6, zorder=2, **dots)
         handles.append(Line2D([], [], linewidth=2, markersize=6, label=name, **style))
     ax.set_yticks(rows, names)
     ax.set(ylim=(-0.6, k - 0.4), xlabel=f"value ({unit_of(k)})")
@@ -114,7 +117,8 @@ def scale_intervals(
 def agreement(found: Agreement, ax: Axes | None = None) -> Axes:
     """Draw each person's interval and best guess of each level's value, side by side.
 
-    People of the same group are drawn next to each other, in the same colour.
+    Each person has a colour and a marker. People of the same group are drawn next to each other,
+    with the same kind of line. With more than six people the looks repeat.
 
     Parameters
     ----------
@@ -135,13 +139,21 @@ def agreement(found: Agreement, ax: Axes | None = None) -> Axes:
     order = [(group, name) for group, names in enumerate(found.groups) for name in names]
     for i, (group, name) in enumerate(order):
         who = found.people.index(name)
-        colour = _GROUPS[group % len(_GROUPS)]
-        marker = _MARKERS[i % len(_MARKERS)]
+        look = PEOPLE[i % len(PEOPLE)]
+        line = _GROUP_LINES[group % len(_GROUP_LINES)]
         at = rows + ((n - 1) / 2 - i) * step
-        ax.hlines(at, found.low[who], found.high[who], color=colour, linewidth=2, zorder=1)
-        ax.plot(found.values[who], at, marker, color=colour, markersize=6, zorder=2)
+        ax.hlines(
+            at,
+            found.low[who],
+            found.high[who],
+            color=look["color"],
+            linestyle=line,
+            linewidth=2,
+            zorder=1,
+        )
+        ax.plot(found.values[who], at, linestyle="none", markersize=6, zorder=2, **look)
         label = name if len(found.groups) == 1 else f"{name} (group {group + 1})"
-        handles.append(Line2D([], [], color=colour, marker=marker, linewidth=2, label=label))
+        handles.append(Line2D([], [], linestyle=line, linewidth=2, label=label, **look))
     ax.set_yticks(rows, list(found.labels))
     ax.set(ylim=(-0.6, k - 0.4), xlim=(-0.02, 1.02), xlabel=f"value ({unit_of(k)})")
     ax.tick_params(axis="y", length=0)

@@ -28,14 +28,16 @@ _LINES, _INCHES_A_LINE = (
     5,
     0.21,
 )  # lines of a legend that the figure's height allows for; the height of one more
-_ASKED = "questions asked\n(log scale)"
-_LOST = "policy loss, %\n(log scale beyond 0.1)"
+_ASKED = "questions asked"
+_LOST = "policy loss, %"
+_LOG_ASKED = "\n(log scale)"
+_LOG_LOST = "\n(log scale beyond 0.1)"
 LEGEND = """\
 none         nobody is asked: the policy that is best if the steps between neighbouring levels are equal
 errors       chance that the tutor answers wrongly, or the name of a tutor of yours
 seeds        over which the means of the row are taken; "3 of 8": the rest had not finished
 questions    asked, mean over the seeds ± half the width of the 95% t-interval
-% asked      questions in percent of the comparisons that neither equality nor dominance settles
+% asked      questions in percent of the comparisons that neither equality nor dominance decides
 loss         true policy loss against the optimal policy under the hidden values, for each learner alike: mean over the
              states, in percent of the value range
 wrong %      verdicts against the hidden scale, in percent of those that the comparator decided from answers
@@ -81,6 +83,7 @@ def plot_ablation(
     max_queries: int | None = None,
     names: Mapping[str, str] | None = None,
     seeds: int | None = None,
+    linear: bool = False,
 ) -> Figure:
     """Draw questions and true policy loss for each problem and learner.
 
@@ -93,7 +96,7 @@ def plot_ablation(
 
     ``summary`` is ``ablation.summarise(...)``. Audited runs are not drawn. ``max_queries`` draws
     the budget, and ``names`` overrides ``NAMES``. If points have fewer runs than ``seeds``, the
-    title says so.
+    title says so. Both axes of values are logarithmic beyond a small value, unless ``linear``.
     """
     _check_summary("plot_ablation", summary)
     called = partial(_called, names)
@@ -115,15 +118,20 @@ def plot_ablation(
             unasked = _unasked_row(part)
             if unasked is not None:
                 lost.axhline(100 * unasked.loss_unasked, zorder=1, **_UNASKED)
-            _scales(asked, lost, max_queries)
-            asked.set_ylim(0, 3 * max(10, plain.asked.max()))
-            lost.set_ylim(0, 200 * max(0.001, _highest(plain[plain.problem == problem])))
+            _scales(asked, lost, max_queries, linear)
+            most = _highest(plain[plain.problem == problem])
+            if linear:
+                asked.set_ylim(0, 1.08 * max(10, _most_asked(plain), max_queries or 0))
+                lost.set_ylim(0, 108 * max(0.001, most))
+            else:
+                asked.set_ylim(0, 3 * max(10, plain.asked.max()))
+                lost.set_ylim(0, 200 * max(0.001, most))
             asked.set_title(
                 f"{called('problem', problem)}: {called('learner', learner)}", fontsize=11
             )
             if j == 0:
-                asked.set_ylabel(_ASKED)
-                lost.set_ylabel(_LOST)
+                asked.set_ylabel(_ASKED + ("" if linear else _LOG_ASKED))
+                lost.set_ylabel(_LOST + ("" if linear else _LOG_LOST))
             own = any(isinstance(tutor, str) for tutor in tutors)
             lost.set_xlabel("the tutor's wrong answers (%)" + (", or your tutor" if own else ""))
             lost.set_xticks(
@@ -192,6 +200,11 @@ def _highest(rows: pd.DataFrame) -> float:
     half = rows.loss_half.where(rows.runs > 2).fillna(0.0)
     highest = float((rows.loss + half).max())
     return max(highest, float(rows.loss_unasked.max())) if "loss_unasked" in rows else highest
+
+
+def _most_asked(rows: pd.DataFrame) -> float:
+    """Return the greatest number of questions in the picture: a mean, or an end of an interval."""
+    return float((rows.asked + rows.asked_half.where(rows.runs > 2).fillna(0.0)).max())
 
 
 def _called(names: Mapping[str, str] | None, column: str, name: str) -> str:
@@ -271,11 +284,12 @@ def _paths(
                 )  # not clipped, because 0 lies on the edge, and so taking room
 
 
-def _scales(asked: Axes, lost: Axes, max_queries: int | None) -> None:
-    """Set both axes to log scales that are linear near 0, and draw the budget."""
-    asked.set_yscale("symlog", linthresh=10, linscale=0.5)
+def _scales(asked: Axes, lost: Axes, max_queries: int | None, linear: bool) -> None:
+    """Set both axes to log scales that are linear near 0, unless linear, and draw the budget."""
+    if not linear:
+        asked.set_yscale("symlog", linthresh=10, linscale=0.5)
+        lost.set_yscale("symlog", linthresh=0.1, linscale=0.5)
     asked.yaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
-    lost.set_yscale("symlog", linthresh=0.1, linscale=0.5)
     lost.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     lost.tick_params(labelbottom=True)
     for axes in (asked, lost):

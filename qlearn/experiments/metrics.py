@@ -91,7 +91,7 @@ class Watch:
         self._erred = erred
         self._waiting: list[tuple[Floats, NDArray[np.int8], NDArray[np.int64]]] = []
         self._rows = 0
-        self._counts = np.zeros((2, 2), dtype=np.int64)  # before or after; judged, wrong
+        self._counts = np.zeros((2, 2), dtype=np.int64)  # before or after; decided, wrong
 
     def __call__(self, d: Floats, decisions: Decisions) -> None:
         """Enter the differences d (n, k) that a learner compared, and the decision on each."""

@@ -292,13 +292,10 @@ def not_public(source):
     public too.
     """
     pages = "\n".join(page.read_text(encoding="utf-8") for page in sorted(REFERENCE.glob("*.md")))
-    found = re.findall(r"^\.\. (?:auto|py:)(\w+):: ([\w.]+)", pages, re.MULTILINE)
-    introduced = {name for kind, name in found if kind == "module"}
-    named = {name for _, name in found} - introduced
+    named = set(re.findall(r"^\.\. (?:auto(?!module)|py:)\w+:: ([\w.]+)", pages, re.MULTILINE))
     modules = {name.rsplit(".", 1)[0] for name in named}
     public = (
         named
-        | introduced
         | modules
         | {f"{name}.{member}" for name in named for member in dir(resolve_name(name))}
     )

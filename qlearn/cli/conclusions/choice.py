@@ -38,7 +38,7 @@ from qlearn.cli.conclusions.in_words import (
 )
 
 _MOST_UNFOLDED = 12  # alternatives up to which their table stands open on the screen
-_ROUNDED = 0.5  # of 100: less than that cannot be told from the ranges as they are shown
+_ROUNDED = 0.5  # of 100: less than that does not show in the ranges as they are shown
 _FEW_NAMED = 3  # alternatives that are named in a sentence
 _NARROW = 0.5  # width of a range, a share of the whole, up to which a best guess is said
 _MOST_LEVELS = 6  # levels up to which a sentence says how two alternatives differ

@@ -141,6 +141,10 @@ def test_the_picture_has_an_interval_of_each_level_for_each_person():
     drawn = [line.get_xdata() for line in ax.get_lines() if len(line.get_xdata()) == K]
     for name, shown in zip(found.people, drawn, strict=True):
         assert (shown == found.values[found.people.index(name)]).all()
+    handles = ax.get_legend().legend_handles
+    assert len({(line.get_color(), line.get_marker()) for line in handles}) == len(names)
+    lines = [line.get_linestyle() for line in handles]
+    assert lines[0] == lines[1] != lines[2] == lines[3]
     plt.close("all")
 
 

@@ -11,7 +11,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from elicit import Comparator, FlippingTutor, PolytopeComparator, Tier, TruthfulTutor
-from elicit.catalogue import LOOKS
+from elicit.catalogue import LOOKS, OWN, PEOPLE
 from elicit.plot import STYLES, kind_of, styles
 from qlearn import (
     InteractivePolicyIteration,
@@ -298,8 +298,16 @@ def test_every_name_has_something_that_it_stands_for() -> None:
     assert {name: more[name] for name in STYLES} == STYLES
     looks = [(style["color"], style["marker"], str(style["linestyle"])) for style in more.values()]
     assert all(len(set(look)) == len(STYLES) + 6 for look in zip(*looks, strict=True))
-    every = styles([*(f"mine {i}" for i in range(6)), *STYLES, *LOOKS])
-    assert len({style["color"] for style in every.values()}) == len(STYLES) + len(LOOKS) + 6
+    every = styles([*(f"mine {i}" for i in range(5)), *STYLES, *LOOKS])
+    assert len({style["color"] for style in every.values()}) == len(STYLES) + len(LOOKS) + 5
+    named = styles([*STYLES, *LOOKS])
+    assert len({style["marker"] for style in named.values()}) == len(named)
+    assert "*" not in {style["marker"] for style in every.values()}  # it is the tutor's scale
+    assert styles(["mine"])["mine"] == named[OWN] != styles([OWN, "mine"])["mine"]
+    assert not {look["color"] for look in PEOPLE} & {style["color"] for style in every.values()}
+    assert len({look["color"] for look in PEOPLE} | {look["marker"] for look in PEOPLE}) == 2 * len(
+        PEOPLE
+    )
     assert {entry.label for entry in runs.LEARNERS.values()} <= {*LOOKS}
     assert [*styles(f"mine {i}" for i in range(30))] == [f"mine {i}" for i in range(30)]
     choices = {one.name: one.metadata["check"] for one in fields(Settings)}

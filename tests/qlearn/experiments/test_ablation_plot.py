@@ -57,6 +57,18 @@ def test_the_ablation_shows_every_mean_beside_its_error_rate(summary: pd.DataFra
                 assert not drawn
 
 
+def test_linear_axes_begin_at_zero_and_hold_every_interval(summary: pd.DataFrame) -> None:
+    plain = summary[(summary.audit == 0) & (summary.problem == "random")]
+    figure = plot_ablation(plain, linear=True)
+    for axes in figure.axes:
+        assert axes.get_yscale() == "linear"
+        assert "log" not in axes.get_ylabel()
+        low, high = axes.get_ylim()
+        assert low == 0
+        ends = [y for bar in axes.collections for part in bar.get_paths() for y in part.vertices]
+        assert all(y <= high for _, y in ends)
+
+
 def test_a_line_joins_error_rates_and_no_tutors_by_name(summary: pd.DataFrame) -> None:
     one = summary[
         (summary.learner == "q-learning") & (summary.problem == "random") & (summary.audit == 0)
