@@ -21,8 +21,15 @@ from elicit.person.course.conclusion import (
     per_hundred,
     up_to,
 )
-from elicit.person.course.conduct import IN_CONFLICT, ORDER, Conduct, choice_of, was_settled
-from elicit.person.course.counts import Counts, in_answers, numbered
+from elicit.person.course.conduct import ORDER, Conduct, choice_of
+from elicit.person.course.counts import (
+    Counts,
+    in_answers,
+    numbered,
+    remarks_on,
+    stands,
+    status_of,
+)
 from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
 from elicit.person.course.pace import Pace
@@ -237,6 +244,9 @@ class Drawing:
 
     def answers(self) -> dict[str, Any]:
         """Return the list of all answers, and the conflicts among them."""
+        conflicts = self._conflicts()
+        among = {one["id"] for entries in conflicts for one in entries}
+        numbers = self._numbers()
         said = [
             {
                 "id": entry.answer.query.id,
@@ -246,8 +256,9 @@ class Drawing:
                 "verdict": entry.answer.verdict,
                 "time": entry.metadata.get("time"),
                 "withdrawn": entry.retracted,
-                "replaced": was_settled(entry),
-                "dropped": IN_CONFLICT in (entry.retraction or {}),
+                "status": status_of(entry),
+                "stands": stands(status_of(entry)),
+                "remarks": remarks_on(entry, numbers, entry.answer.query.id in among),
                 "used": entry.used,
                 "repeat": entry.repeat,
                 "order": entry.answer.query.id.startswith(ORDER),
@@ -256,7 +267,7 @@ class Drawing:
         ]
         return {
             "answers": said,
-            "conflicts": [[one["id"] for one in among] for among in self._conflicts()],
+            "conflicts": [[one["id"] for one in entries] for entries in conflicts],
         }
 
     def report(self) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from elicit.model.query import Query, Verdict
 from elicit.person.asker import Compares
 from elicit.person.course.choices import Choices
 from elicit.person.course.conduct import IN_CONFLICT, ORDER, differs, was_settled
+from elicit.person.course.counts import KEPT
 from elicit.person.course.level_questions import purpose_of
 from elicit.person.drawing import Drawing
 from elicit.person.session import Session
@@ -38,8 +39,8 @@ _NOT_KEPT = (
     "another. Choose as you see it now."
 )
 _TAKEN_BACK = (
-    "This is the same question again, because you took back your answer to it and it still tells "
-    "the program the most. After “I cannot tell” it does not come again."
+    "This is the same question again, because you took back your answer to it. If you choose “I "
+    "cannot tell”, it does not come again."
 )
 
 
@@ -133,7 +134,9 @@ class Mending:
             return "Thank you. None of these answers is used."
         gone = choice.removeprefix("withdraw:")
         number = self._drawing.number_of(gone)
-        became = self.take_back(gone, **{IN_CONFLICT: True})
+        kept = [entry.answer.query.id for entry in among if entry.answer.query.id != gone]
+        instead = {KEPT: kept[0]} if len(kept) == 1 else {}
+        became = self.take_back(gone, **{IN_CONFLICT: True}, **instead)
         return f"Thank you. Answer {number} no longer counts.{became}"
 
     def _settle_repeat(self, first: Entry, last: Entry, choice: str) -> str:

@@ -197,13 +197,14 @@ def report_page(
     if details.preamble or details.legend:
         asked = asked_about(details.preamble, details.legend)
         parts += ["<h2>What was asked</h2>", *asked]
-    taken_back = sum(not _is_counted(one) for one in answers)
-    besides = f", and {taken_back} taken back" if taken_back else ""
-    listed = f"Every answer, oldest first ({len(answers) - taken_back}{besides})"
+    found = Counts.read(end["counts"])
+    each = ((found.withdrawn, "taken back"), (found.not_kept, "not kept"))
+    besides = "".join(f", {some} {words}" for some, words in each if some)
+    listed = f"Every answer, oldest first ({found.answered} that stand{besides})"
     checks = f"{counted(end['counts'])} {end.get('by_chance', '')}".strip()
     parts += ["<h2>Answers and checks</h2>", f"<p>{escaped(checks)}</p>"]
     parts.append(f"<details><summary>{listed}</summary>")
-    parts += [*_answers(answers, end["conflicts"]), "</details>"]
+    parts += [*_answers(answers), "</details>"]
     if details.limits:
         parts.append("<h2>What this does not say</h2>")
         parts += [f"<p>{escaped(sentence)}</p>" for sentence in details.limits]
@@ -421,38 +422,19 @@ def conflict_box(entries: Sequence[Mapping[str, Any]]) -> str:
     return f'<div class="conflict"><p>{said}</p><ul>{items}</ul></div>'
 
 
-def _is_counted(answer: Mapping[str, Any]) -> bool:
-    """Return whether an answer stands, or is a check that was settled since."""
-    return bool(not answer["withdrawn"] or (answer["repeat"] and answer.get("replaced")))
-
-
-def _answers(
-    answers: Sequence[Mapping[str, Any]], conflicts: Sequence[Sequence[Mapping[str, Any]]]
-) -> Iterator[str]:
-    among = {entry["id"] for entries in conflicts for entry in entries}
+def _answers(answers: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     columns = {"nr": "#", "answer": "Answer", "when": "When (UTC)", "remarks": "Remarks"}
     head = "".join(
         f'<th scope="col" class="{name}">{words}</th>' for name, words in columns.items()
     )
     yield f'<table class="answers">\n<thead><tr>{head}</tr></thead>\n<tbody>'
     for one in answers:
-        stands, replaced = not one["withdrawn"], one.get("replaced", False)
-        remarks = {
-            "replaced after a check": replaced and not one["repeat"],
-            "taken back": not stands and not replaced and not one.get("dropped", False),
-            "not kept, for contradicting another": one.get("dropped", False),
-            "contradicts others": stands and one["id"] in among,
-            "ignored": stands and not one["used"] and not one["repeat"],
-            "asked again as a check": one["repeat"],
-            "check of the order": one.get("order", False),
-            "settled since": replaced and one["repeat"],
-        }
-        counts = _is_counted(one)
-        said = escaped(one["sentence"]) if counts else f"<s>{escaped(one['sentence'])}</s>"
+        sentence = escaped(one["sentence"])
+        said = sentence if one["stands"] else f"<s>{sentence}</s>"
         if one.get("shown"):
             said += f'<br><span class="soft shown">{escaped(one["shown"])}</span>'
         when = escaped((one["time"] or "")[:16].replace("T", " "))
-        noted = ", ".join(words for words, holds in remarks.items() if holds)
+        noted = escaped("; ".join(one["remarks"]))
         yield (
             f"<tr><td>{one['number']}</td><td>{said}</td>"
             f'<td class="soft">{when}</td><td>{noted}</td></tr>'

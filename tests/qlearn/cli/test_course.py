@@ -266,9 +266,7 @@ def test_where_nothing_is_at_stake_nothing_is_asked_and_that_is_said() -> None:
         screen = interview.handle({"do": "state"})
         assert screen["stage"] == "end"
         assert screen["end"]["headline"].startswith("Your plan is settled")
-        assert screen["end"]["before"].startswith(
-            "Without your answers the plan could have lost up to "
-        )
+        assert screen["end"]["before"].startswith("Without your answers, a loss of up to ")
         assert screen["end"]["caution"] is None
         screen = interview.handle({"do": "more"})  # who wants to can answer all the same
         assert screen["stage"] == "question"

@@ -295,7 +295,7 @@ export function mount(root, send, options = {}) {
   }
 
   function foot() {
-    const n = screen.answered;
+    const n = screen.saved;
     const words = n ? `${n} ${n === 1 ? "answer" : "answers"} saved ${where}` : "Nothing answered yet";
     const tick = part("span", "tick", { "aria-hidden": "true" }, ["✓ "]);
     if (!saved.textContent.endsWith(words)) saved.replaceChildren(...(n ? [tick, words] : [words]));
@@ -524,7 +524,7 @@ export function mount(root, send, options = {}) {
     beside = reply;
     const sooner = screen.time.planned && (!beside.to_come || screen.budget - screen.answered <= beside.to_come[1]);
     progress.lastChild.textContent = sooner
-      ? planned(screen.time, screen.answered, screen.budget)
+      ? planned(screen.time, screen.saved, screen.budget - screen.answered)
       : toCome(beside.to_come, screen.time.pace, beside.at_least);
     fill(beside);
     const why = body.querySelector(".why");
@@ -701,22 +701,13 @@ export function mount(root, send, options = {}) {
 
   function answers() {
     const standing = new Map(listed.answers.filter((one) => !one.withdrawn).map((one) => [one.id, one]));
-    const among = new Set(listed.conflicts.flat());
     const items = listed.answers.map((one) => {
-      const tags = [];
-      const counts = !one.withdrawn || (one.repeat && one.replaced); // what was taken back is struck through
-      if (!counts) tags.push(one.replaced ? "replaced after a check" : one.dropped ? "not kept: it contradicted another" : "taken back");
-      else if (among.has(one.id)) tags.push("contradicts others");
-      if (!one.withdrawn && !one.used && !one.repeat) tags.push("ignored");
-      if (one.repeat) tags.push("asked again as a check");
-      if (one.order) tags.push("check of the order");
-      if (one.repeat && one.replaced) tags.push("settled since");
-      const said = part("span", "", {}, [part("span", "soft", {}, [`${one.number}. `]), part(counts ? "span" : "s", "", {}, [one.sentence])]);
+      const said = part("span", "", {}, [part("span", "soft", {}, [`${one.number}. `]), part(one.stands ? "span" : "s", "", {}, [one.sentence])]);
       const words = part("span", "words", {}, [said]);
-      words.append(...tags.map((tag) => part("span", PLAIN.has(tag) ? "tag plain" : "tag", {}, [tag])));
+      words.append(...one.remarks.map((tag) => part("span", FAULT.test(tag) ? "tag" : "tag plain", {}, [tag])));
       const when = one.time && new Date(one.time).toLocaleString(undefined, WHEN);
       if (when) words.append(part("time", "soft", { datetime: one.time }, [when]));
-      return part("li", counts ? "" : "gone", {}, one.withdrawn ? [words] : [words, back(one.id, one.sentence)]);
+      return part("li", one.stands ? "" : "gone", {}, one.withdrawn ? [words] : [words, back(one.id, one.sentence)]);
     });
     const conflicts = listed.conflicts.map((ids) => conflict(ids.map((id) => standing.get(id)).filter(Boolean)));
     const none = part("p", "", {}, ["There are none yet."]);
@@ -832,7 +823,7 @@ const FILES = {
   plan: "what follows from your answers",
   answers: "each one, with both sides as you saw them, and whether it is used",
 };
-const PLAIN = new Set(["asked again as a check", "check of the order", "settled since"]); // no fault of the answer
+const FAULT = /contradicts|^ignored|differs/; // what a remark on an answer says that may need mending
 const REMEMBERED = "elicit: letter keys";
 
 // Whether letters answer, as it was set last in this browser, which may forbid to remember anything.
@@ -1001,9 +992,9 @@ export function interval(low, value, high, colour, asked, rough = false) {
 }
 
 // How far the person is in the time that they have.
-function planned({ planned: minutes, spent }, answered, budget) {
+function planned({ planned: minutes, spent }, answered, further) {
   const left = Math.max(0, Math.round(minutes - spent / 60));
-  const more = Math.max(0, budget - answered);
+  const more = Math.max(0, further);
   if (!more) return `your ${minutes} minutes are over`;
   return `${answered} answered, time for about ${more} more (${left < 1 ? "under 1" : left} of ${minutes} minutes left)`;
 }
