@@ -27,8 +27,7 @@ _AGAIN = (
 _ORDER = "Check question: this one is about the order of the levels."
 # not called a check: the result does not count it as one
 _IMPLIED = (
-    "What you answered before bears on this question too. Asking it guards against errors: say "
-    "what you think of it now."
+    "Your earlier answers already suggest an answer to this one. Asking it guards against slips."
 )
 _CHECK_TAKEN_BACK = (
     "This is the same check again, because you took back your answer to it. Your first answer to "

@@ -87,12 +87,12 @@ def policy_conclusion(
     unasked = (
         ""
         if before is None
-        else f"Without your answers, a loss of {up_to(before, result.confidence)} could not be ruled "
-        f"out: {told.loss(before)}."
+        else f"Without your answers, a loss of {up_to(before, result.confidence)} could not be "
+        f"ruled out: {told.loss(before)}."
     )
     mdp, undecided = plans.mdp, len(found.leaning)
     open_still = ""
-    if undecided:
+    if undecided and found.holds.any():  # otherwise the reason says it
         live = int(np.count_nonzero(~mdp.terminal))
         open_still = (
             f" Your answers do not decide {undecided} of {live} {told.states}: there the plan "
@@ -344,7 +344,7 @@ def policy_nearly(
     return NearlyEnough(
         f"Your plan falls at most {per_hundred(bound)} short of your ideal plan",
         f"{sure_of(result)} More questions can bring it below {per_hundred(told.tolerance)}.",
-        size_of(told, bound, _SHORT, None),
+        size_of(told, bound, "that is", None),
     )
 
 

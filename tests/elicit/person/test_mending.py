@@ -8,7 +8,7 @@ from elicit import AnswerLog, Interview, Session, Subject
 from elicit.person.course.counts import Counts, number_of
 from tests.browser_cases import LABELS, QUESTIONS, Listed
 
-SURE = "What you answered before bears on this question too."
+SURE = "Your earlier answers already suggest an answer to this one."
 SAME = "This is the same question again, because you took back your answer to it"
 
 

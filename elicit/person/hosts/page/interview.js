@@ -306,7 +306,7 @@ export function mount(root, send, options = {}) {
       ...(view === "answers" ? [] : lists),
       ...(view === "pause" || !going ? [] : [button("link", "Pause", () => look("pause"))]),
       ...(going ? [button("link", "Finish now", () => show({ do: "finish" }, undefined, RESULT))] : []),
-      shortcuts(),
+      ...(view === "stage" && KEYED.has(screen.stage) ? [shortcuts()] : []),
     );
   }
 
@@ -508,8 +508,8 @@ export function mount(root, send, options = {}) {
 
   function offer() {
     const { heading, text, options: some } = screen.offer;
-    const buttons = some.map(({ option, label }) =>
-      button("alt", label, () => (option === "pause" ? look("pause") : choose(option))),
+    const buttons = some.map(({ option, label }, i) =>
+      button(i ? "alt" : "pick", label, () => (option === "pause" ? look("pause") : choose(option))),
     );
     function choose(option) {
       show({ do: "choose", option }, undefined, option === "finish" ? RESULT : NEXT);
@@ -530,7 +530,8 @@ export function mount(root, send, options = {}) {
     const why = body.querySelector(".why");
     why?.querySelectorAll("p").forEach((p) => p.remove());
     const said = beside.why.length || beside.ready ? beside.why : ["Still being worked out ..."];
-    const lines = said.length ? said : ["Its answer tells most about what is still open."];
+    const unsaid = said.filter((line) => !screen.question.check.includes(line)); // the note above says the others
+    const lines = unsaid.length ? unsaid : [said.length ? ABOVE : "Its answer tells most about what is still open."];
     why?.append(...[...lines, beside.forecast].filter(Boolean).map((line) => part("p", "", {}, [line])));
   }
 
@@ -639,7 +640,7 @@ export function mount(root, send, options = {}) {
         ...cells.map((cell, i) => part("td", numbers[i + 1] ? "number" : "", { role: "cell", "data-head": columns[i + 1] }, [cell])),
       ]),
     );
-    const kind = part("select", "field", { id: `${id}-kind`, "aria-label": `Show only, by ${columns.at(-1).toLowerCase()}` }, [
+    const kind = part("select", "field", { id: `${id}-kind`, "aria-label": `Show only: ${columns.at(-1).toLowerCase()}` }, [
       part("option", "", { value: "" }, ["all"]),
       ...kinds.map((one) => part("option", "", { value: one }, [`${one} (${rows.filter((row) => row.at(-1) === one).length})`])),
     ]);
@@ -809,12 +810,14 @@ const RESULT = { words: "Working out your result ...", after: 50 };
 const PREPARING = "This takes a few seconds. The first start on a computer compiles, which takes up to two minutes.";
 const TRY = "Practice question: your answer is not saved.";
 const BARS = "These numbers are too large to draw circles, so the length of a bar shows how many.";
+const ABOVE = "The note above says why.";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
 const UNFORESEEN = "How far each choice of time gets cannot be foreseen here. You will see it as you go.";
 const GIVEN = "It was given when the program was started.";
 const MENDS = "Taking back any one of them fixes it. The others stay.";
 const SURE = { yes: "Yes, take it back", no: "No, keep it" };
 const LETTERS = { on: "A, B, ? and U work", off: "only the arrow keys work" };
+const KEYED = new Set(["practice", "question"]); // stages that letters answer
 const NUMBER = /^(-|not known yet|-?\d[\d.,]*( to \d+)?( \((at least|or) [^)]*\))?)$/; // a cell to be set right-aligned
 const STAYS = "stays"; // returned by what changes nothing on the screen
 const WHEN = { dateStyle: "medium", timeStyle: "short" };
@@ -1002,7 +1005,7 @@ function planned({ planned: minutes, spent }, answered, further) {
 function toCome(range, seconds, atLeast) {
   if (!range) return atLeast ? `at least ${atLeast} more` : "";
   const [least, most] = range;
-  if (most === 0) return "perhaps the last one";
+  if (most === 0) return "close to the end"; // often, but not always, the last one
   const minutes = Math.max(1, Math.round((most * seconds) / 60));
   const time = `${minutes}\u00a0min`;
   if (least === most) return `about ${most} more, up to ${time}`;
