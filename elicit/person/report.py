@@ -61,11 +61,12 @@ summary { cursor: pointer; color: var(--link); padding: .3rem 0; } details > tab
   .scale thead tr { border-top: 0; } .scale th, .scale td { border-top: 0; width: auto; }
   .scale .drawn { grid-row: 2; grid-column: 1 / -1; padding: 0 .8rem; } .scale tbody .drawn { margin-top: -.5rem; }
   .answers thead, .many thead { display: none; } .many, .many tbody { display: block; }
-  .many tr { display: grid; grid-template-columns: 1fr 1fr; gap: 0 1.2rem; padding: .4rem 0; border-top: 1px solid var(--line); }
+  .many tr { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 0 1.2rem; padding: .4rem 0; border-top: 1px solid var(--line); }
   .many td { border-top: 0; padding: .1rem 0; display: flex; justify-content: space-between; gap: .6rem; }
   .many td:first-child { grid-column: 1 / -1; font-weight: 600; justify-content: flex-start; }
   .many td:not(:first-child)::before { content: attr(data-head); color: var(--soft); overflow-wrap: normal; }
   .many .marked { padding: .4rem .6rem; background: var(--tint); } .many .marked td { background: none; }
+  .many td.number:last-child { grid-column: 1 / -1; }
   .many td:not(:first-child, .number) { grid-column: 1 / -1; justify-content: flex-start; }
   .many td:not(:first-child, .number)::before { flex: 0 0 8.5rem; overflow-wrap: normal; }
   .answers tr { display: grid; grid-template-columns: 2.2rem minmax(0, 1fr); border-top: 1px solid var(--line); }

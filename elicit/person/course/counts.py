@@ -17,7 +17,7 @@ from elicit.person.course.conduct import (
     repeats_in,
     was_settled,
 )
-from elicit.tutors.answer_log import EXPECTED, RESOLVED, Entry
+from elicit.tutors.answer_log import EXPECTED, REPEATS, RESOLVED, Entry
 
 KEPT = "kept"
 """The metadata of an answer that was not kept: the id of the answer that was kept instead."""
@@ -25,9 +25,6 @@ KEPT = "kept"
 Status = Literal[
     "learned from", "cannot tell", "ignored", "agrees", "differs", "taken back", "not kept"
 ]
-
-_MEANT_FIRST = "not kept: you meant your first answer"
-_MEANT_OTHER = "not kept: another answer replaces it"
 
 
 def status_of(entry: Entry) -> Status:
@@ -75,6 +72,7 @@ def remarks_on(
     tuple of str
     """
     status, back = status_of(entry), entry.retraction or {}
+    checked = numbers.get(str(entry.metadata.get(REPEATS)), "before")
     said = []
     if status == "taken back":
         said.append("taken back")
@@ -84,18 +82,16 @@ def remarks_on(
         said.append(f"not kept: it contradicted {other}")
     elif status == "not kept":
         first = entry.repeat and back[RESOLVED] == entry.metadata.get(EXPECTED)
-        said.append(_MEANT_FIRST if first else _MEANT_OTHER)
+        instead = f"you meant answer {checked}" if first else "another answer replaces it"
+        said.append(f"not kept: {instead}")
     if stands(status) and in_conflict:
         said.append("contradicts others")
     if status == "ignored":
         said.append("ignored")
     if entry.repeat:
-        agrees = "asked again as a check: " + (
-            "you meant this answer" if was_settled(entry) else "as before"
-        )
-        differed = "asked again as a check: differs from the first answer, which counts"
-        check = {"agrees": agrees, "differs": differed}
-        said.append(check.get(status, "asked again as a check"))
+        agrees = ": you meant this answer" if was_settled(entry) else ": as before"
+        how = {"agrees": agrees, "differs": f": differs from answer {checked}, which counts"}
+        said.append(f"check of answer {checked}{how.get(status, '')}")
     if entry.answer.query.id.startswith(ORDER):
         said.append("check of the order")
     if entry.answer.query.id.startswith(SETTLED):
