@@ -549,7 +549,7 @@ def test_answers_that_do_not_go_together_are_said_and_change_with_the_comparator
     assert told(Path("answers-random.jsonl"))[: len(given)] == given
     unused = sum(not entry.used for entry in AnswerLog.read("answers-random.jsonl"))
     assert unused
-    ignored = rf"\b{unused} (was|were) ignored for contradicting others"
+    ignored = rf"\b{unused} (is|are) ignored for contradicting others"
     assert re.search(ignored, " ".join(shown.split()))
     conflict = [*re.finditer("These answers contradict each other. Taking back any one", shown)][-1]
     items = re.findall("^  - .*", shown[conflict.end() :], re.MULTILINE)
