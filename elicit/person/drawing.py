@@ -15,14 +15,19 @@ from elicit.model.query import Verdict
 from elicit.person.asker import Compares, Supposed
 from elicit.person.course.choices import Choices
 from elicit.person.course.conclusion import (
-    NOT_A_FORECAST,
     Conclusion,
-    in_unit,
     per_hundred,
     up_to,
 )
-from elicit.person.course.conduct import IN_CONFLICT, ORDER, Conduct, choice_of, was_settled
-from elicit.person.course.counts import Counts, in_answers, numbered
+from elicit.person.course.conduct import ORDER, Conduct, choice_of
+from elicit.person.course.counts import (
+    Counts,
+    in_answers,
+    numbered,
+    remarks_on,
+    stands,
+    status_of,
+)
 from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
 from elicit.person.course.pace import Pace
@@ -46,6 +51,7 @@ from elicit.tutors.answer_log import Entry
 MINUTES = (5, 10, 20)
 """Minutes that the welcome offers."""
 
+_TELLS = 50  # width of a range, of 100, up to which it is said under a choice in a conflict
 _IF_MEANT = "if every answer is meant as it was given"
 
 
@@ -106,13 +112,12 @@ class Drawing:
 
     def _before(self, loss: float) -> str:
         """Return a sentence on the loss that was possible before the first answer."""
-        words = self._subject.words
-        most = in_unit(loss, words.unit, self._subject.labels, words.loss)
+        worst, best = (printable(self._subject.labels[i]) for i in (0, -1))
         asker = self._session.current_asker()
         level = trusted_share(asker.comparator) if isinstance(asker, Compares) else None
         return (
-            f"Without your answers the program's choice could miss the best one for you by "
-            f"{up_to(loss, level)}: {most}. {NOT_A_FORECAST}"
+            "Without your answers, the program's choice could be worth less to you than the best "
+            f"one by {up_to(loss, level)}. The difference between “{worst}” and “{best}” is 100."
         )
 
     def _conflicts_found(self) -> tuple[tuple[Entry, ...], ...]:
@@ -195,7 +200,8 @@ class Drawing:
     def left_by(self, levels: Sequence[int], after: Supposed) -> str:
         """Return sentences on the result of a choice in a conflict.
 
-        They give the range of each of these levels' values, and the number of answers left out. The
+        They give the range of each of these levels' values, unless that is so wide that it tells
+        little, and the number of answers left out. The
         possible loss is not among them: people took the choice with the least loss, and not the one
         they meant.
         """
@@ -207,10 +213,8 @@ class Drawing:
         worth = [
             f"“{row.label}” would be worth {guess_in_words(row.value, row.known, row.rough)} "
             f"({row.low:.0f} to {row.high:.0f})."
-            if (row.low, row.high) != (0.0, 100.0)
-            else f"“{row.label}” would still be open (0 to 100)."
             for row in scale_rows(after.asker.comparator, self._subject.labels)
-            if row.label in names
+            if row.label in names and row.high - row.low <= _TELLS
         ]
         return printable(" ".join([*worth, kept]).strip())
 
@@ -237,6 +241,9 @@ class Drawing:
 
     def answers(self) -> dict[str, Any]:
         """Return the list of all answers, and the conflicts among them."""
+        conflicts = self._conflicts()
+        among = {one["id"] for entries in conflicts for one in entries}
+        numbers = self._numbers()
         said = [
             {
                 "id": entry.answer.query.id,
@@ -246,8 +253,9 @@ class Drawing:
                 "verdict": entry.answer.verdict,
                 "time": entry.metadata.get("time"),
                 "withdrawn": entry.retracted,
-                "replaced": was_settled(entry),
-                "dropped": IN_CONFLICT in (entry.retraction or {}),
+                "status": status_of(entry),
+                "stands": stands(status_of(entry)),
+                "remarks": remarks_on(entry, numbers, entry.answer.query.id in among),
                 "used": entry.used,
                 "repeat": entry.repeat,
                 "order": entry.answer.query.id.startswith(ORDER),
@@ -256,7 +264,7 @@ class Drawing:
         ]
         return {
             "answers": said,
-            "conflicts": [[one["id"] for one in among] for among in self._conflicts()],
+            "conflicts": [[one["id"] for one in entries] for entries in conflicts],
         }
 
     def report(self) -> dict[str, Any]:
@@ -496,5 +504,7 @@ def _in_words(shown: Shown) -> str:
     """Return both sides of a question in words, as they were shown."""
     a, b, same = shown.as_seen
     common = sum(shown.common)
-    rest = f"; {common:,} are the same in both: {same}" if common else ""
-    return f"A: {a}. B: {b}. (Of {shown.of:,} {shown.words.unit}{rest}.)"
+    if not common:  # then the counts add up to all
+        return f"A: {a}. B: {b}."
+    rest = f"{common:,} are the same in both: {same}"
+    return f"A: {a}. B: {b}. (Of {shown.of:,} {shown.words.unit}; {rest}.)"

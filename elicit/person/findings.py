@@ -23,11 +23,11 @@ _FEW = 3  # levels that are named in a sentence
 _MOST_OF_ROOM = 1 / 3  # share of the room between the neighbours that a wider range may cover
 
 _NOT_KNOWN = "“Not known yet” (no dot): no answer is about it, or none narrows its range."
-_ROUGHLY = "“About” (hollow dot): this best guess is not exact yet."
+_ROUGHLY = "“About” (hollow dot): a rough best guess, in a wide range."
 _FOR_SLIPS = "Any one answer may be a slip, so a range stays wide until several answers agree."
 OVERLAP = (
-    "Ranges may overlap although the order is fixed: wherever two levels lie in their ranges, the "
-    "better one is never worth less."
+    "Ranges may overlap although the order is fixed: a better level is never worth less than a "
+    "worse one."
 )
 """The sentence beside ranges that overlap."""
 

@@ -81,7 +81,7 @@ class Progress:
 
     @property
     def answered(self) -> int:
-        """Number of questions answered, repeated ones among them."""
+        """Number of answers that stand, those to repeated questions among them."""
         return Counts.of(self.entries).answered
 
     @property
@@ -356,6 +356,7 @@ class Interview(Closing):
             "legend": legend_of(self._subject),
             "stage": "welcome",
             "answered": conduct.put,
+            "saved": Counts.of(self._session.log).answered,
             "open_conflicts": sum(CONTRADICTS in e.metadata and not e.used for e in standing),
             "budget": self._planned(conduct),
             "time": {"planned": self._chosen.minutes, "spent": pace.spent, "pace": pace.seconds},

@@ -13,6 +13,7 @@ from elicit.model.query import Query, Verdict
 from elicit.person.asker import Compares
 from elicit.person.course.choices import Choices
 from elicit.person.course.conduct import IN_CONFLICT, ORDER, differs, was_settled
+from elicit.person.course.counts import KEPT
 from elicit.person.course.level_questions import purpose_of
 from elicit.person.drawing import Drawing
 from elicit.person.session import Session
@@ -26,8 +27,7 @@ _AGAIN = (
 _ORDER = "Check question: this one is about the order of the levels."
 # not called a check: the result does not count it as one
 _IMPLIED = (
-    "What you answered before bears on this question too. Asking it guards against errors: say "
-    "what you think of it now."
+    "Your earlier answers already suggest an answer to this one. Asking it guards against slips."
 )
 _CHECK_TAKEN_BACK = (
     "This is the same check again, because you took back your answer to it. Your first answer to "
@@ -38,8 +38,8 @@ _NOT_KEPT = (
     "another. Choose as you see it now."
 )
 _TAKEN_BACK = (
-    "This is the same question again, because you took back your answer to it and it still tells "
-    "the program the most. After “I cannot tell” it does not come again."
+    "This is the same question again, because you took back your answer to it. If you choose “I "
+    "cannot tell”, it does not come again."
 )
 
 
@@ -133,7 +133,9 @@ class Mending:
             return "Thank you. None of these answers is used."
         gone = choice.removeprefix("withdraw:")
         number = self._drawing.number_of(gone)
-        became = self.take_back(gone, **{IN_CONFLICT: True})
+        kept = [entry.answer.query.id for entry in among if entry.answer.query.id != gone]
+        instead = {KEPT: kept[0]} if len(kept) == 1 else {}
+        became = self.take_back(gone, **{IN_CONFLICT: True}, **instead)
         return f"Thank you. Answer {number} no longer counts.{became}"
 
     def _settle_repeat(self, first: Entry, last: Entry, choice: str) -> str:

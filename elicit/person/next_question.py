@@ -14,7 +14,8 @@ from elicit.model.query import Query
 from elicit.person.asker import Compares
 from elicit.person.course.choices import Choices
 from elicit.person.course.conclusion import NearlyEnough
-from elicit.person.course.conduct import IN_CONFLICT, ORDER, Conduct
+from elicit.person.course.conduct import IN_CONFLICT, ORDER, SETTLED, Conduct
+from elicit.person.course.counts import status_of
 from elicit.person.course.level_questions import known_question, level_question, order_question
 from elicit.person.course.offers import NEARLY_FROM, may_be_near
 from elicit.person.course.start import Before, Start
@@ -41,6 +42,7 @@ class NextQuestion:
         self._start: Start | Before | None = None  # found when it is first needed
         session.choose_replacement = self._replacement
         if subject.least:
+            session.choose_first = self._taken_back_last
             session.choose_extra = self._extra
             session.check_regularly()
 
@@ -132,6 +134,28 @@ class NextQuestion:
         enough = self._subject.enough
         over = self._session.next_told() is None
         return over and (enough is None or enough(self._session.result()))
+
+    def _taken_back_last(self) -> Query | None:
+        """Return the question whose answer was taken back since the last answer, or None.
+
+        A check that was taken back, and an answer that was not kept, do not count.
+        """
+        log = [*self._session.log]
+        if not log or not any(entry.retracted for entry in log):
+            return None
+        last = max(str(entry.metadata.get("time", "")) for entry in log)
+        since = [
+            (str((entry.retraction or {}).get("time", "")), i)
+            for i, entry in enumerate(log)
+            if status_of(entry) == "taken back" and not entry.repeat
+        ]
+        time, i = max(since, default=("", -1))
+        if i < 0 or not time or time < last:
+            return None
+        query = log[i].answer.query
+        if query.id.startswith(SETTLED) or self._session.answered_before()(query):
+            return None
+        return query if shown_of(self._subject, query).exact else None
 
     def _replacement(self, query: Query, answered: Callable[[Query], bool]) -> Query | None:
         """Return a query to put in place of the asker's ``query``, or None to put the latter.

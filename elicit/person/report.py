@@ -61,11 +61,12 @@ summary { cursor: pointer; color: var(--link); padding: .3rem 0; } details > tab
   .scale thead tr { border-top: 0; } .scale th, .scale td { border-top: 0; width: auto; }
   .scale .drawn { grid-row: 2; grid-column: 1 / -1; padding: 0 .8rem; } .scale tbody .drawn { margin-top: -.5rem; }
   .answers thead, .many thead { display: none; } .many, .many tbody { display: block; }
-  .many tr { display: grid; grid-template-columns: 1fr 1fr; gap: 0 1.2rem; padding: .4rem 0; border-top: 1px solid var(--line); }
+  .many tr { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 0 1.2rem; padding: .4rem 0; border-top: 1px solid var(--line); }
   .many td { border-top: 0; padding: .1rem 0; display: flex; justify-content: space-between; gap: .6rem; }
   .many td:first-child { grid-column: 1 / -1; font-weight: 600; justify-content: flex-start; }
   .many td:not(:first-child)::before { content: attr(data-head); color: var(--soft); overflow-wrap: normal; }
   .many .marked { padding: .4rem .6rem; background: var(--tint); } .many .marked td { background: none; }
+  .many td.number:last-child { grid-column: 1 / -1; }
   .many td:not(:first-child, .number) { grid-column: 1 / -1; justify-content: flex-start; }
   .many td:not(:first-child, .number)::before { flex: 0 0 8.5rem; overflow-wrap: normal; }
   .answers tr { display: grid; grid-template-columns: 2.2rem minmax(0, 1fr); border-top: 1px solid var(--line); }
@@ -197,13 +198,14 @@ def report_page(
     if details.preamble or details.legend:
         asked = asked_about(details.preamble, details.legend)
         parts += ["<h2>What was asked</h2>", *asked]
-    taken_back = sum(not _is_counted(one) for one in answers)
-    besides = f", and {taken_back} taken back" if taken_back else ""
-    listed = f"Every answer, oldest first ({len(answers) - taken_back}{besides})"
+    found = Counts.read(end["counts"])
+    each = ((found.withdrawn, "taken back"), (found.not_kept, "not kept"))
+    besides = "".join(f", {some} {words}" for some, words in each if some)
+    listed = f"Every answer, oldest first ({found.answered} that stand{besides})"
     checks = f"{counted(end['counts'])} {end.get('by_chance', '')}".strip()
     parts += ["<h2>Answers and checks</h2>", f"<p>{escaped(checks)}</p>"]
     parts.append(f"<details><summary>{listed}</summary>")
-    parts += [*_answers(answers, end["conflicts"]), "</details>"]
+    parts += [*_answers(answers), "</details>"]
     if details.limits:
         parts.append("<h2>What this does not say</h2>")
         parts += [f"<p>{escaped(sentence)}</p>" for sentence in details.limits]
@@ -421,38 +423,19 @@ def conflict_box(entries: Sequence[Mapping[str, Any]]) -> str:
     return f'<div class="conflict"><p>{said}</p><ul>{items}</ul></div>'
 
 
-def _is_counted(answer: Mapping[str, Any]) -> bool:
-    """Return whether an answer stands, or is a check that was settled since."""
-    return bool(not answer["withdrawn"] or (answer["repeat"] and answer.get("replaced")))
-
-
-def _answers(
-    answers: Sequence[Mapping[str, Any]], conflicts: Sequence[Sequence[Mapping[str, Any]]]
-) -> Iterator[str]:
-    among = {entry["id"] for entries in conflicts for entry in entries}
+def _answers(answers: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     columns = {"nr": "#", "answer": "Answer", "when": "When (UTC)", "remarks": "Remarks"}
     head = "".join(
         f'<th scope="col" class="{name}">{words}</th>' for name, words in columns.items()
     )
     yield f'<table class="answers">\n<thead><tr>{head}</tr></thead>\n<tbody>'
     for one in answers:
-        stands, replaced = not one["withdrawn"], one.get("replaced", False)
-        remarks = {
-            "replaced after a check": replaced and not one["repeat"],
-            "taken back": not stands and not replaced and not one.get("dropped", False),
-            "not kept, for contradicting another": one.get("dropped", False),
-            "contradicts others": stands and one["id"] in among,
-            "ignored": stands and not one["used"] and not one["repeat"],
-            "asked again as a check": one["repeat"],
-            "check of the order": one.get("order", False),
-            "settled since": replaced and one["repeat"],
-        }
-        counts = _is_counted(one)
-        said = escaped(one["sentence"]) if counts else f"<s>{escaped(one['sentence'])}</s>"
+        sentence = escaped(one["sentence"])
+        said = sentence if one["stands"] else f"<s>{sentence}</s>"
         if one.get("shown"):
             said += f'<br><span class="soft shown">{escaped(one["shown"])}</span>'
         when = escaped((one["time"] or "")[:16].replace("T", " "))
-        noted = ", ".join(words for words, holds in remarks.items() if holds)
+        noted = escaped("; ".join(one["remarks"]))
         yield (
             f"<tr><td>{one['number']}</td><td>{said}</td>"
             f'<td class="soft">{when}</td><td>{noted}</td></tr>'

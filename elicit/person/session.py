@@ -135,6 +135,9 @@ class Session(Closing):
         self.choose_replacement: ChooseReplacement | None = None
         """Chooses the query to put in place of the asker's, if the session can make askers. After
         the answer a new asker is made, which knows the answer."""
+        self.choose_first: Callable[[], Query | None] | None = None
+        """Chooses a question before any other, while there is one, if the session can make
+        askers."""
         self.choose_extra: Callable[[], Query | None] | None = None
         """Chooses a question once the asker has none, if the session can make askers."""
         # a comparator that takes all answers as true, those it was offered, and those it took
@@ -205,8 +208,13 @@ class Session(Closing):
         elif self.choose_extra is not None and self.makes_askers:
             query = self.choose_extra()
         if query is not None:
+            query = self._first() or query
             self._put_at.setdefault(query.id, time.monotonic())
         return query
+
+    def _first(self) -> Query | None:
+        """Return the question that comes before any other, or None."""
+        return None if self.choose_first is None or not self.makes_askers else self.choose_first()
 
     def next_told(self) -> Query | None:
         """Return the first query whose answer the asker waits for.
@@ -628,6 +636,8 @@ class Session(Closing):
 
     def _to_answer(self, id: str) -> Query | None:
         """Return the query with this id, if it waits for an answer, else None."""
+        if (first := self._first()) is not None and first.id == id:
+            return first
         waits = self.next_told()
         if waits is not None:
             others = (self._repeats.due(self.conduct()), self._in_place_of(waits))

@@ -172,7 +172,7 @@ def _row(
     number: int, entry: Entry, put: Mapping[str, Any] | None, labels: Sequence[str] | None
 ) -> tuple[str, ...]:
     """Return an answer as cells of a table, in the words of the screen if the log has them."""
-    from elicit.person.course.counts import is_counted
+    from elicit.person.course.counts import status_of
 
     verdict = entry.answer.verdict
     sides, about = {1: "left", -1: "right"}, " ".join(entry.answer.query.about.split())
@@ -182,10 +182,9 @@ def _row(
         about = "; ".join(f"{side.upper()}: {_counted(put[side], labels)}" for side in "ab")
         about, shown = f"{about} (of {put['of']} {put['unit']})", ""
     word = "cannot tell" if verdict is None else {0: "equal", **sides}[int(verdict)]
-    standing = ", repeat" if entry.repeat else "" if entry.used else ", unused"
-    # a repeat whose difference the person has settled still counts as an answer
-    taken_back = ", repeat, settled since" if is_counted(entry) else ", taken back"
-    state = taken_back if entry.retracted else standing
+    status = status_of(entry)
+    told = {"ignored": ", unused", "taken back": ", taken back", "not kept": ", not kept"}
+    state = (", repeat" if entry.repeat else "") + told.get(status, "")
     said = {
         name: str(entry.metadata[name])
         for name in ("time", "who", "latency")

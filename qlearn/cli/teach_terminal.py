@@ -232,7 +232,7 @@ class Terminal:
         return (
             f" (about {f'{least} to {most}' if least < most else most} more)"
             if most
-            else " (perhaps the last one)"
+            else " (close to the end)"
         )
 
     def _report(self, screen: dict[str, Any]) -> None:

@@ -235,8 +235,9 @@ class Conduct:
         cases, every = self.cases, "both" if self.checks == 2 else f"all {self.checks}"
         well = f"pass {every} checks" if self.checks > 1 and not self.differed else "do as well"
         if cases < 2:
-            return " ".join([*said, "Guesses do as well in half of all interviews or more."])
-        said.append(f"Guesses {well} in 1 of {cases} interviews.")
+            half = "Answers given by chance do as well in half of all interviews or more."
+            return " ".join([*said, half])
+        said.append(f"Answers given by chance {well} in 1 of {cases} interviews.")
         if cases < _RARE:
             said.append("More checks would tell more.")
         return " ".join(said)

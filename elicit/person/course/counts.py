@@ -2,13 +2,101 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
+from typing import Literal
 
 from elicit.model.query import Verdict
 from elicit.person.course.conclusion import listed
-from elicit.person.course.conduct import IN_CONFLICT, SETTLED, differs, repeats_in, was_settled
-from elicit.tutors.answer_log import Entry
+from elicit.person.course.conduct import (
+    IN_CONFLICT,
+    ORDER,
+    SETTLED,
+    differs,
+    repeats_in,
+    was_settled,
+)
+from elicit.tutors.answer_log import EXPECTED, REPEATS, RESOLVED, Entry
+
+KEPT = "kept"
+"""The metadata of an answer that was not kept: the id of the answer that was kept instead."""
+
+Status = Literal[
+    "learned from", "cannot tell", "ignored", "agrees", "differs", "taken back", "not kept"
+]
+
+
+def status_of(entry: Entry) -> Status:
+    """Return what became of an answer, in the words of every list, report and table.
+
+    A repeat that "agrees" confirms the answer that is learned from, and is not learned again. One
+    that "differs" is not settled: the first answer is the one learned from. Of answers that
+    contradict each other, and of a repeat and a first answer that differ, the person may keep one:
+    the others are "not kept".
+    """
+    if entry.repeat and was_settled(entry):
+        said = entry.answer.verdict
+        meant = (entry.retraction or {})[RESOLVED]
+        return "agrees" if meant == (None if said is None else int(said)) else "not kept"
+    if entry.retracted:
+        kept_other = was_settled(entry) or IN_CONFLICT in (entry.retraction or {})
+        return "not kept" if kept_other else "taken back"
+    if entry.repeat:
+        return "differs" if differs(entry) else "agrees"
+    if entry.answer.verdict is None:
+        return "cannot tell"
+    return "learned from" if entry.used else "ignored"
+
+
+def stands(status: Status) -> bool:
+    """Return whether an answer of this status stands. The others are struck through in lists."""
+    return status not in ("taken back", "not kept")
+
+
+def remarks_on(
+    entry: Entry, numbers: Mapping[str, int], in_conflict: bool = False
+) -> tuple[str, ...]:
+    """Return remarks on an answer, for a list of all answers.
+
+    Parameters
+    ----------
+    entry : Entry
+    numbers : mapping
+        The number of each question, by its id.
+    in_conflict : bool
+        True if the answer contradicts others.
+
+    Returns
+    -------
+    tuple of str
+    """
+    status, back = status_of(entry), entry.retraction or {}
+    checked = numbers.get(str(entry.metadata.get(REPEATS)), "before")
+    said = []
+    if status == "taken back":
+        said.append("taken back")
+    elif status == "not kept" and IN_CONFLICT in back:
+        number = numbers.get(str(back.get(KEPT)))
+        other = "another" if number is None else f"answer {number}, which you kept"
+        said.append(f"not kept: it contradicted {other}")
+    elif status == "not kept":
+        first = entry.repeat and back[RESOLVED] == entry.metadata.get(EXPECTED)
+        instead = f"you meant answer {checked}" if first else "another answer replaces it"
+        said.append(f"not kept: {instead}")
+    if stands(status) and in_conflict:
+        said.append("contradicts others")
+    if status == "ignored":
+        said.append("ignored")
+    if entry.repeat:
+        agrees = ": you meant this answer" if was_settled(entry) else ": as before"
+        how = {"agrees": agrees, "differs": f": differs from answer {checked}, which counts"}
+        said.append(f"check of answer {checked}{how.get(status, '')}")
+    if entry.answer.query.id.startswith(ORDER):
+        said.append("check of the order")
+    if entry.answer.query.id.startswith(SETTLED):
+        said.append("what you meant, after a check")
+    return tuple(said)
 
 
 @dataclass(frozen=True)
@@ -18,22 +106,24 @@ class Counts:
     Attributes
     ----------
     answered
-        Answers that count: those that stand, and each answer to a repeated question, even if the
-        person has settled a difference since. Except for the last two, all other numbers are parts
-        of this one.
+        Answers that stand. ``learned``, ``cannot_tell``, ``unused``, ``agreeing`` and ``differing``
+        add up to this number (see ``status_of``).
     repeated
-        Answers to repeated questions.
+        Answers to repeated questions, also if the person settled a difference for another answer.
     alike
         Those of them that are the same as before.
-    equal, cannot_tell
-        Answers "equally good" and "cannot tell".
+    equal
+        Answers "equally good" among those learned from.
+    cannot_tell
+        Answers "cannot tell".
     unused
         Answers that are ignored because they contradict others.
+    agreeing, differing
+        Repeats that agree with the answer learned from, and others that stand.
     withdrawn
         Answers that the person took back, which are not in ``answered``.
     not_kept
-        Answers that the person did not keep because they contradicted others, which are not in
-        ``answered`` either.
+        Answers in whose place the person kept another one. They are not in ``answered`` either.
     """
 
     answered: int = 0
@@ -42,6 +132,8 @@ class Counts:
     equal: int = 0
     cannot_tell: int = 0
     unused: int = 0
+    agreeing: int = 0
+    differing: int = 0
     withdrawn: int = 0
     not_kept: int = 0
 
@@ -50,19 +142,28 @@ class Counts:
         """Return the counts of a log."""
         entries = [*log]
         again = repeats_in(entries)
-        first = [entry for entry in entries if entry.stands and not entry.repeat]
-        said = [entry.answer.verdict for entry in entries if is_counted(entry)]
-        back = [entry for entry in entries if entry.retracted and not was_settled(entry)]
+        n = Counter(map(status_of, entries))
         return Counts(
-            answered=len(said),
+            answered=sum(map(is_counted, entries)),
             repeated=len(again),
             alike=sum(not differs(entry) for entry in again),
-            equal=said.count(Verdict.EQUAL),
-            cannot_tell=said.count(None),
-            unused=sum(not entry.used for entry in first),
-            withdrawn=len(back) - sum(IN_CONFLICT in (entry.retraction or {}) for entry in back),
-            not_kept=sum(IN_CONFLICT in (entry.retraction or {}) for entry in back),
+            equal=sum(
+                status_of(entry) == "learned from" and entry.answer.verdict is Verdict.EQUAL
+                for entry in entries
+            ),
+            cannot_tell=n["cannot tell"],
+            unused=n["ignored"],
+            agreeing=n["agrees"],
+            differing=n["differs"],
+            withdrawn=n["taken back"],
+            not_kept=n["not kept"],
         )
+
+    @property
+    def learned(self) -> int:
+        """Number of answers that comparators learn from."""
+        others = self.cannot_tell + self.unused + self.agreeing + self.differing
+        return self.answered - others
 
     def record(self) -> dict[str, int]:
         """Return the counts as JSON."""
@@ -77,20 +178,32 @@ class Counts:
     def sentence(self) -> str:
         """Sentences on the numbers of answers of each kind.
 
-        The numbers are no parts of a sum: a repeated question may be answered "equally good".
+        The numbers add up: those of the first sentence to the answers that stand.
         """
+        equal = f" ({self.equal} of them “equally good”)" if self.equal else ""
+        agrees = "a repeat that agrees (it confirms, and is not learned again)"
+        if self.agreeing > 1:
+            agrees = "repeats that agree (they confirm, and are not learned again)"
+        differs = "a repeat that differs from the first answer, which counts"
+        if self.differing > 1:
+            differs = "repeats that differ from the first answers, which count"
         kinds = (
-            (self.repeated, "to repeated questions"),
-            (self.equal, "“equally good”"),
+            (self.learned, f"learned from{equal}"),
+            (self.agreeing, agrees),
+            (self.differing, differs),
             (self.cannot_tell, "“cannot tell”"),
             (self.unused, "ignored for contradicting others"),
         )
-        among = [f"{_were(n)} {words}" for n, words in kinds if n]
-        back = f" {_were(self.withdrawn, ' more')} taken back." if self.withdrawn else ""
-        if self.not_kept:
-            back += f" {_were(self.not_kept, ' more')} not kept, for contradicting others."
-        of_these = f" Of these, {listed(among)}." if among else ""
-        return f"{in_answers(self.answered)}.{of_these}{back}"
+        among = [f"{_are(n)} {words}" for n, words in kinds if n]
+        gone = [
+            f"{_were(n)} {words}"
+            for n, words in ((self.withdrawn, "taken back"), (self.not_kept, "not kept"))
+            if n
+        ]
+        found = f": {listed(among)}" if among else ""
+        besides = f" Besides these, {listed(gone)}." if gone else ""
+        verb = {0: "", 1: " stands"}.get(self.answered, " stand")
+        return f"{in_answers(self.answered)}{verb}{found}.{besides}"
 
     @property
     def checks(self) -> str:
@@ -103,7 +216,7 @@ class Counts:
 
 def is_counted(entry: Entry) -> bool:
     """Return whether an answer is one of ``Counts.answered``."""
-    return entry.stands or (entry.repeat and was_settled(entry))
+    return stands(status_of(entry))
 
 
 def numbered(log: Iterable[Entry]) -> list[tuple[int, Entry]]:
@@ -130,8 +243,12 @@ def _question_of(id: str) -> str:
     return id.removeprefix(SETTLED)
 
 
-def _were(n: int, more: str = "") -> str:
-    return f"{n}{more} {'was' if n == 1 else 'were'}"
+def _were(n: int) -> str:
+    return f"{n} {'was' if n == 1 else 'were'}"
+
+
+def _are(n: int) -> str:
+    return f"{n} {'is' if n == 1 else 'are'}"
 
 
 def in_answers(n: int) -> str:

@@ -8,7 +8,8 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
-from elicit.person.course.conduct import choice_of, differs, was_settled
+from elicit.person.course.conduct import choice_of, was_settled
+from elicit.person.course.counts import status_of
 from elicit.tutors.answer_log import Entry
 
 _FORMULA = ("=", "+", "-", "@", "\t")  # with which a spreadsheet begins a formula
@@ -99,8 +100,9 @@ def answer_row(
         "chosen": choice_of(entry.answer),
         "sentence": sentence,
         "seconds": entry.metadata.get("latency"),
+        "status": status_of(entry),
         "used": use_of(entry, in_conflict),
-        "taken_back": entry.retracted,
+        "taken_back": status_of(entry) == "taken back",
         "repeat": entry.repeat,
         "id": entry.answer.query.id,
     }
@@ -120,21 +122,17 @@ def use_of(entry: Entry, in_conflict: bool = False) -> str:
     str
         Begins with "yes", "no" or "check".
     """
-    if entry.repeat:
-        if was_settled(entry):
-            return "check: it differed from the first answer, and was settled"
-        if entry.retracted:
-            return "no: taken back"
-        if differs(entry):
-            return "check: it differs from the first answer, which is the one learned from"
-        return "check: as the first answer, which is the one learned from"
-    if entry.retracted:
-        return "no: replaced after a check" if was_settled(entry) else "no: taken back"
-    if entry.answer.verdict is None:
-        return "no: it says cannot tell"
-    if not entry.used:
-        return "no: it contradicts others"
-    return "yes, though it contradicts others" if in_conflict else "yes"
+    if entry.repeat and was_settled(entry) and status_of(entry) == "agrees":
+        return "check: it differed from the first answer, and is what was meant"
+    return {
+        "taken back": "no: taken back",
+        "not kept": "no: not kept, another answer counts",
+        "agrees": "check: it agrees, so it confirms the answer that is learned from",
+        "differs": "check: it differs from the first answer, which is the one learned from",
+        "cannot tell": "no: it says cannot tell",
+        "ignored": "no: it contradicts others",
+        "learned from": "yes, though it contradicts others" if in_conflict else "yes",
+    }[status_of(entry)]
 
 
 def _cell(value: Any) -> Any:

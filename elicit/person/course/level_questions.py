@@ -233,6 +233,9 @@ def questions_left(comparator: Comparator) -> tuple[int, int] | None:
     return int(_FEWEST * needed), math.ceil(_MOST * needed) + (needed > 0)
 
 
+_UNKNOWN = 90  # width of a range, of 100, from which it is not said
+
+
 def purpose_of(query: Query, comparator: Comparator, labels: Sequence[str], more: bool) -> str:
     """Return sentences on the purpose of a question about a level, or "" for another one.
 
@@ -252,10 +255,10 @@ def purpose_of(query: Query, comparator: Comparator, labels: Sequence[str], more
     if not (math.isfinite(low) and math.isfinite(high)):
         return ""
     least, most = max(0, math.floor(low + _GRID)), min(100, math.ceil(high - _GRID))
-    said = (
-        f"This question narrows what “{labels[level]}” is worth to you. So far that is {least} to "
-        f"{most} of 100."
-    )
+    so_far = f"So far it is between {least} and {most} of 100."
+    if most - least >= _UNKNOWN:
+        so_far = "So far almost nothing is known of that."
+    said = f"This question narrows what “{labels[level]}” is worth to you. {so_far}"
     if not more:
         return f"{said} {FURTHER}"
     return (

@@ -13,6 +13,7 @@ NEARLY_AGAIN = 10
 """Further answers after an offer until the end is offered again for that reason."""
 _CASES = 4  # people who answer by chance, of whom at most one does so well in the checks
 
+_WHY_NOW = "So little is left to gain that we ask before going on."
 _STOP = {"option": "finish", "label": "Finish now and show the result"}
 
 
@@ -70,7 +71,7 @@ def after_little_loss(nearly: NearlyEnough, to_come: tuple[int, int] | None) -> 
         more = f"You can stop here, or be asked more: {number} until the result is settled."
     return {
         "heading": nearly.heading,
-        "text": f"{nearly.text} {nearly.size} {more}",
+        "text": f"{_WHY_NOW} {nearly.text} {nearly.size} {more}",
         "options": [_STOP, {"option": "on", "label": "Ask me more"}],
     }
 

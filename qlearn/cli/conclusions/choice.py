@@ -334,7 +334,7 @@ def _worth(
             *(f"{100 * share:.3g}" for share in shares[i, ::-1]),
             f"{100 * points[i]:.0f}" if narrow[i] else "not known yet",
             f"{100 * max(low[i], 0.0):.0f} to {100 * min(high[i], 1.0):.0f}",
-            "-" if i == best else _behind(ahead, i),
+            "0" if i == best else _behind(ahead, i),
         )
         for i in order
     )

@@ -56,11 +56,15 @@ def policy_conclusion(
     bound = found.guarantee.loss_bound
     settled = bound <= told.tolerance
     most, more = per_hundred(bound), ""
+    same = len(result.answers) > 0 and not found.holds.any()
     if np.isnan(bound):
         headline = "How far your plan may fall short of your ideal plan cannot be stated."
         after = "Another comparator can state it."
     elif settled:
         headline = f"Your plan is settled. {_within(bound)}"
+        if same:
+            headline = f"Your answers do not change the {told.plan}. The plan is settled. "
+            headline += _within(bound)
         after, more = "You can stop here.", "More answers would make the values below more exact."
         if found.leaning:
             more = (
@@ -69,6 +73,11 @@ def policy_conclusion(
             )
     else:
         headline = f"Your plan is not settled. It could still fall {most} short of your ideal plan."
+        if same:
+            headline = (
+                f"So far your answers do not change the {told.plan}. The plan is not settled. It "
+                f"could still fall {most} short of your ideal plan."
+            )
         after = {
             Status.CALLED_EQUAL: "What is still open, you called equally good.",
             Status.UNSURE: "What is still open, you could not tell.",
@@ -78,12 +87,12 @@ def policy_conclusion(
     unasked = (
         ""
         if before is None
-        else f"Without your answers the plan could have lost {up_to(before, result.confidence)}: "
-        f"{told.loss(before)}."
+        else f"Without your answers, a loss of {up_to(before, result.confidence)} could not be "
+        f"ruled out: {told.loss(before)}."
     )
     mdp, undecided = plans.mdp, len(found.leaning)
     open_still = ""
-    if undecided:
+    if undecided and found.holds.any():  # otherwise the reason says it
         live = int(np.count_nonzero(~mdp.terminal))
         open_still = (
             f" Your answers do not decide {undecided} of {live} {told.states}: there the plan "
@@ -118,14 +127,16 @@ def _within(loss: float, so_far: bool = False) -> str:
 
 
 def _reason(told: InWords, mdp: OrdinalMDP, found: DecidedPlan, why: Mapping[int, str]) -> str:
-    """Return a sentence on what the answers change in the plan, and mostly why, or ""."""
+    """Return sentences on what the answers change in the plan, and mostly why."""
     n, live = int(found.holds.sum()), int(np.count_nonzero(~mdp.terminal))
     if not n:
-        return ""
+        rest = len(found.states)
+        might = f" In {rest} of these, more answers might change it." if rest else ""
+        return f"In all {live} {told.states} the plan is the one with {_STEPS}.{might}"
     given = Counter(why[state] for state, holds in found.certain.items() if holds)
     [(most, times)] = given.most_common(1)
     mostly = "" if times == n else "mostly "
-    reason = f", {mostly}for {most}" if 2 * times > n and most != _REST else ""
+    reason = f", {mostly}because it {most}" if 2 * times > n and most != _REST else ""
     return f"In {n} of {live} {told.states} your answers change the {told.plan}{reason}."
 
 
@@ -149,8 +160,8 @@ def _reasons(told: InWords, result: Result, found: DecidedPlan) -> dict[int, str
             sure = low[level] > steps[level] or high[level] < steps[level]
             name, probably = printable(told.labels[level]), "" if sure else " probably"
             why[state] = (
-                f"{grows} “{name}”, which you{probably} value {grows} than the "
-                f"{100 * steps[level]:.0f} of equal steps"
+                f"leads to {grows} “{name}”, which you{probably} value at {grows} than "
+                f"{100 * steps[level]:.0f} (its value with equal steps)"
             )
     return why
 
@@ -176,13 +187,12 @@ def _changes(
         some = f" {hold} {_for_certain(result)}, if the rest of the {told.plan} is as here."
         if with_probability(result.confidence):
             some += " More answers may still change this list."
-    elif rest:
-        title = f"In {rest} of {live} {told.states} your answers may change the {told.plan}"
-        some = " None of these changes is certain yet."
     else:
         title = f"Your answers do not change the {told.plan}"
-    if n and rest:
-        some += f" In {rest} more your answers may change it, but do not decide it."
+        some = f" In all {live} {told.states} the plan is the same."
+    if rest:
+        of = "more" if n else "of these"
+        some += f" In {rest} {of}, further answers might change it."
     why_note = " “Why” names the level that matters most by the best guess."
     certain, perhaps = (
         tuple(
@@ -249,16 +259,20 @@ def _plan(
         )
         for s in np.flatnonzero(~mdp.terminal).tolist()
     )
-    note = (
-        f"“Changed” is another action than with equal steps. It is better {_for_certain(result)}."
-    )
+    notes = []
+    if found.holds.any():
+        notes.append(
+            "“Changed” is another action than with equal steps. It is better "
+            f"{_for_certain(result)}."
+        )
     if found.leaning:
-        note += (
-            " “Not decided” is the action with equal steps, where another one is better by the "
+        notes.append(
+            "“Not decided” is the action with equal steps, where another one is better by the "
             "best guess of your values, but not for certain."
         )
+    notes.append(f"“As with equal steps” is the action that is best with {_STEPS}.")
     columns = ("State", "Action in the plan", "By your answers")
-    return ResultTable("The whole plan", columns, rows, note)
+    return ResultTable("The whole plan", columns, rows, " ".join(notes))
 
 
 def _whole_policy(
@@ -310,10 +324,11 @@ def policy_stakes(told: InWords, result: Result) -> str | None:
 
 def valuation(mdp: OrdinalMDP) -> str:
     """Return sentences on how a policy is valued, from the values of the levels."""
-    ends = ", and the last one is taken to last for ever" if mdp.terminal.any() else ""
+    ends = ", and the last one counts for ever" if mdp.terminal.any() else ""
     return (
         f"A plan is valued by the levels that follow from it, step by step{ends}. "
-        f"Later steps count less: each {mdp.discount:.4g} times as much as the one before."
+        f"Later steps count less: each {mdp.discount:.4g} times as much as the one before. "
+        "That is so in the plan only: a question compares nothing but what it shows."
     )
 
 
@@ -329,7 +344,7 @@ def policy_nearly(
     return NearlyEnough(
         f"Your plan falls at most {per_hundred(bound)} short of your ideal plan",
         f"{sure_of(result)} More questions can bring it below {per_hundred(told.tolerance)}.",
-        size_of(told, bound, _SHORT, None),
+        size_of(told, bound, "that is", None),
     )
 
 

@@ -93,7 +93,8 @@ def test_a_best_guess_in_a_wide_range_is_called_inexact_and_the_reason_is_said()
     notes = " ".join(scale_notes(found, comparator, settled=True))
     assert "“Not known yet” (no dot): no answer is about it" in notes  # fair
     assert (
-        "“About” (hollow dot): this best guess is not exact yet. Any one answer may be a" in notes
+        "“About” (hollow dot): a rough best guess, in a wide range. Any one answer may be a"
+        in notes
     )
     assert "The result allows for all that is still possible for “fair” and “ill”, and" in notes
     assert "does not need to know them more exactly" in notes
@@ -103,7 +104,7 @@ def test_a_best_guess_in_a_wide_range_is_called_inexact_and_the_reason_is_said()
     assert "The result allows for all that is still possible for “ill”, and" in notes
     assert "does not need to know it more exactly" in notes
     notes = " ".join(scale_notes(without, PolytopeComparator(4), settled=False))
-    assert "“About” (hollow dot): this best guess is not exact yet. The result" in notes
+    assert "“About” (hollow dot): a rough best guess, in a wide range. The result" in notes
     assert notes.count("does not need") == notes.count("slip") == 0
 
 

@@ -8,7 +8,7 @@ from elicit import AnswerLog, Interview, Session, Subject
 from elicit.person.course.counts import Counts, number_of
 from tests.browser_cases import LABELS, QUESTIONS, Listed
 
-SURE = "What you answered before bears on this question too."
+SURE = "Your earlier answers already suggest an answer to this one."
 SAME = "This is the same question again, because you took back your answer to it"
 
 
@@ -102,6 +102,29 @@ def test_where_another_question_comes_after_one_was_taken_back_it_is_said() -> N
         assert back["question"]["number"] == 3  # the second is taken
 
 
+def test_a_question_whose_answer_was_taken_back_comes_again_at_once() -> None:
+    makes = [QUESTIONS]  # then the second one comes last
+
+    def make(known: Any) -> Listed:
+        return Listed(makes.pop() if makes else [*QUESTIONS[::2], *QUESTIONS[1::2]], known)
+
+    with (
+        Session(make, AnswerLog(), audit=0) as session,
+        Interview(session, Subject(LABELS, least=1)) as interview,
+    ):
+        screen = interview.handle({"do": "practised", "choice": "a"})
+        for _ in range(2):
+            screen = answered(interview, screen, choice(session, 0.65))
+        back = interview.handle({"do": "undo", "id": "q1"})
+        assert (back["question"]["id"], back["note"]) == ("q1", "Taken back.")
+        assert back["question"]["check"].startswith(SAME)
+        after = answered(interview, back, "cannot tell")
+        assert after["question"] is None or after["question"]["id"] != "q1"
+        assert "q1" in [entry.answer.query.id for entry in session.log.standing]
+        back = interview.handle({"do": "withdraw", "id": "q0"})  # also an earlier one
+        assert back["question"]["id"] == "q0"
+
+
 def test_an_answer_that_was_not_kept_is_no_answer_that_was_taken_back() -> None:
     with (
         Session(lambda known: Listed(QUESTIONS[:2], known), AnswerLog(), audit=0) as session,
@@ -119,10 +142,11 @@ def test_an_answer_that_was_not_kept_is_no_answer_that_was_taken_back() -> None:
         if after["stage"] == "question":
             assert "you did not keep your answer to it" in after["question"]["check"]
         assert Counts.of(session.log).sentence == (
-            "1 answer. 1 more was not kept, for contradicting others."
+            "1 answer stands: 1 is learned from. Besides these, 1 was not kept."
         )
-        dropped = [one["dropped"] for one in interview.handle({"do": "answers"})["answers"]]
-        assert dropped == [False, True]
+        found = interview.handle({"do": "answers"})["answers"]
+        assert [one["status"] for one in found] == ["learned from", "not kept"]
+        assert found[1]["remarks"] == ("not kept: it contradicted answer 1, which you kept",)
 
 
 def answered(interview: Interview, screen: Any, choice: str) -> Any:

@@ -159,7 +159,7 @@ def test_programs_that_read_the_log_tell_them_apart(path, capsys):
     assert (report.unused, report.repeated, report.couples) == (0, repeats, repeats)
     assert report.consistency.value == 0.0
     assert main(["log", "check", str(path)]) == 0
-    sentence = f"{n + repeats} answers. Of these, {repeats} were to repeated questions"
+    sentence = f"{n + repeats} answers stand: {n} are learned from and {repeats} are repeats that "
     assert sentence in capsys.readouterr().out
     assert main(["log", "show", str(path)]) == 0
     shown = capsys.readouterr().out
@@ -203,7 +203,9 @@ def test_an_interview_says_that_a_question_is_one():
         assert {*notes} == {None}  # nothing is said of a repeat that was answered as before
         assert max(numbers) == len(notes)
         assert screen["answered"] == screen["end"]["counts"]["answered"] == len(notes)
-        assert screen["end"]["given"].startswith(f"{len(notes)} answers. Of these, {repeats} w")
+        given = screen["end"]["given"]
+        assert given.startswith(f"{len(notes)} answers stand: {len(notes) - repeats} are learned ")
+        assert f" and {repeats} are repeats that agree (they confirm, and are " in given
         assert (
             screen["end"]["counts"]["repeated"] == screen["end"]["counts"]["alike"] == repeats >= 3
         )
@@ -248,18 +250,40 @@ def test_numbers_stay_when_answers_are_taken_back(tmp_path, capsys):
         for one in found:  # a question has one number, also when it is put anew
             name = one["id"].removeprefix("settled/")
             assert one["number"] == first.setdefault(name, len(first) + 1)
-        gone = sum(one["withdrawn"] and not one["repeat"] for one in found)
-        assert gone >= 2
-        assert sum(one["withdrawn"] and one["repeat"] for one in found) == 2
+        gone = [one for one in found if not one["stands"]]
+        # of the two checks that differed, the first answer was kept once, and the second once
+        counts = screen["end"]["counts"]
+        assert [one["status"] for one in gone].count("not kept") == counts["not kept"] == 2
+        assert [one["repeat"] for one in gone].count(True) == 1
+        assert counts["withdrawn"] == len(gone) - 2 >= 1
+        stand = [one["status"] for one in found if one["stands"]]
+        kinds = {"agrees": "agreeing", "differs": "differing", "ignored": "unused"}
+        for status in ("agrees", "differs", "cannot tell", "ignored"):
+            assert stand.count(status) == counts[kinds.get(status, status)]
+        learned = stand.count("learned from")
+        assert screen["saved"] == counts["answered"] == len(stand) > learned
+        assert f"{len(stand)} answers stand: {learned} are learned from" in screen["end"]["given"]
+        remarks = {remark for one in found for remark in one["remarks"]}
+        assert {"not kept: another answer replaces it", "what you meant, after a check"} <= remarks
+        assert sum(remark.startswith("not kept: you meant answer ") for remark in remarks) == 1
+        assert sum(remark.endswith(": you meant this answer") for remark in remarks) == 1
+        rows = interview.table("answers")
+        assert [row["status"] for row in rows] == [one["status"] for one in found]
+        assert [row["used"].startswith("no: ") for row in rows] == [
+            not one["stands"] or one["status"] in ("cannot tell", "ignored") for one in found
+        ]
+        assert sum(row["taken_back"] for row in rows) == counts["withdrawn"]
         assert [row["number"] for row in interview.table("answers")] == numbers
         page = interview.handle({"do": "report"})["html"]
-    assert page.count("<s>") == gone
-    assert f"oldest first ({screen['answered']}, and {gone} taken back)" in page
+    assert page.count("<s>") == len(gone)
+    back = f"{counts['withdrawn']} taken back, {counts['not kept']} not kept"
+    assert f"oldest first ({screen['saved']} that stand, {back})" in page
+    assert f"{screen['end']['given']} {screen['end']['checks']}" in page
     assert main(["log", "show", str(path)]) == 0
     rows = capsys.readouterr().out.splitlines()[2:-1]
     assert [int(row.split()[0]) for row in rows] == numbers
-    assert sum(", taken back" in row for row in rows) == gone
-    assert sum("repeat, settled since" in row for row in rows) == 2
+    assert sum(", taken back" in row for row in rows) == counts["withdrawn"]
+    assert sum(", not kept" in row for row in rows) == counts["not kept"]
 
 
 def test_what_is_no_share():

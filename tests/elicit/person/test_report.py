@@ -41,10 +41,11 @@ def test_a_report_holds_every_answer_and_nothing_that_runs_or_is_elsewhere(tmp_p
     assert "http" not in reply["html"]
     assert reply["name"].startswith("a-title-report-")
     assert "A <title>: a report" in page.text
-    assert "2 answers. Of these, 1 was “equally good” and 1 was “cannot tell”." in page.text
+    kinds = "1 is learned from (1 of them “equally good”) and 1 is “cannot tell”"
+    assert f"2 answers stand: {kinds}." in page.text
     assert "cannot tell" in page.text
     assert '10 not "well" as good as ' in page.text
-    assert re.search(r"A: [^.]*\. B: [^.]*\. \(Of 10 people\.\)", page.text)
+    assert re.search(r"A: [^.]*\. B: [^.]*\. ", page.text)
     assert "died & <i>gone</i> " in page.text
     log = AnswerLog.read(tmp_path / "mine.jsonl")
     assert f"kept in mine.jsonl Checksum of its last line {log.checksum}" in page.text
@@ -90,22 +91,26 @@ def test_a_report_marks_what_was_taken_back_repeated_or_does_not_go_together(
         "withdrawn": False,
         "used": True,
         "repeat": False,
+        "stands": True,
+        "remarks": ["contradicts others", "ignored"],
     }
-    gone = {**one, "number": 3, "withdrawn": True, "used": False}
-    again = {"repeat": True, "time": None}
+    back = {"stands": False, "remarks": ["taken back"]}
+    gone = {**one, "number": 3, "withdrawn": True, "used": False, **back}
+    again = {"repeat": True, "time": None, "remarks": ["contradicts others", "asked again"]}
     answers = [
         {**one, "id": "x", "number": 1, "sentence": "x rather than y", "used": False},
         {**gone, "id": "z", "sentence": "z rather than y"},
         {**one, "id": "y", "number": 2, "sentence": "y rather than x", **again},
     ]
     page = Parts(report_page("", "today", end, answers, waiting=False))
-    assert "1 x rather than y 2026-01-02 03:04 contradicts others, ignored 3 z " in page.text
+    assert "1 x rather than y 2026-01-02 03:04 contradicts others; ignored 3 z " in page.text
     assert "ignored 3 z rather than y 2026-01-02 03:04 taken back 2 " in page.text
-    assert page.text.endswith("2 y rather than x contradicts others, asked again as a check")
-    assert "Every answer, oldest first (2, and 1 taken back)" in page.text
+    assert page.text.endswith("2 y rather than x contradicts others; asked again")
+    assert "Every answer, oldest first (3 that stand, 1 taken back)" in page.text
     assert page.tags.count("s") == 1
     assert "These 2 answers contradict each other" in page.text
-    assert "Of these, 1 was ignored for contradicting others. 1 more was taken back." in page.text
+    counted = "3 answers stand: 2 are learned from and 1 is ignored for contradicting others."
+    assert f"{counted} Besides these, 1 was taken back." in page.text
 
 
 def test_the_scale_of_a_report_is_drawn_to_its_numbers(end: dict[str, Any]) -> None:
@@ -147,7 +152,7 @@ def test_the_chosen_row_of_a_report_is_marked_and_checks_come_after_the_conclusi
     html = report_page("Mine", "today", found, [], False, ReportDetails(who="Ann"))
     text = Parts(html).text
     assert "Person: Ann, called “you” here. today. 3 answers." in text
-    assert text.index("Y it is.") < text.index("By 1.") < text.index("Of these, 1 was ignored")
+    assert text.index("Y it is.") < text.index("By 1.") < text.index("and 1 is ignored")
     assert "y best 10" in text
     assert html.count('<tr class="marked">') == 1
     assert html.count('<td data-head="worth" class="number">') == 2

@@ -27,8 +27,8 @@ def path(tmp_path: Path) -> Path:
 
 
 COUNTED = (
-    "3 answers. Of these, 1 was “cannot tell” and 1 was ignored for contradicting others. "
-    "1 more was taken back."
+    "3 answers stand: 1 is learned from, 1 is “cannot tell” and 1 is ignored for contradicting "
+    "others. Besides these, 1 was taken back."
 )
 
 
@@ -85,8 +85,9 @@ def test_check_counts_repeats_apart_from_what_is_unused(
         log.append(Answer(again, 1), used=False, **{REPEATS: "a"})  # type: ignore[arg-type]
         log.append(Answer(Query("b", LEFT, RIGHT), -1), used=False)  # type: ignore[arg-type]
     assert cli.main(["log", "check", str(path)]) == 0
-    kinds = "1 was to repeated questions and 1 was ignored for contradicting others"
-    said = f"{path}: whole; 3 answers. Of these, {kinds}.\n"
+    kinds = "1 is learned from, 1 is a repeat that agrees (it confirms, and is not learned again)"
+    kinds += " and 1 is ignored for contradicting others"
+    said = f"{path}: whole; 3 answers stand: {kinds}.\n"
     assert capsys.readouterr().out == said
 
 

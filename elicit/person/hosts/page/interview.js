@@ -295,7 +295,7 @@ export function mount(root, send, options = {}) {
   }
 
   function foot() {
-    const n = screen.answered;
+    const n = screen.saved;
     const words = n ? `${n} ${n === 1 ? "answer" : "answers"} saved ${where}` : "Nothing answered yet";
     const tick = part("span", "tick", { "aria-hidden": "true" }, ["✓ "]);
     if (!saved.textContent.endsWith(words)) saved.replaceChildren(...(n ? [tick, words] : [words]));
@@ -306,7 +306,7 @@ export function mount(root, send, options = {}) {
       ...(view === "answers" ? [] : lists),
       ...(view === "pause" || !going ? [] : [button("link", "Pause", () => look("pause"))]),
       ...(going ? [button("link", "Finish now", () => show({ do: "finish" }, undefined, RESULT))] : []),
-      shortcuts(),
+      ...(view === "stage" && KEYED.has(screen.stage) ? [shortcuts()] : []),
     );
   }
 
@@ -508,8 +508,8 @@ export function mount(root, send, options = {}) {
 
   function offer() {
     const { heading, text, options: some } = screen.offer;
-    const buttons = some.map(({ option, label }) =>
-      button("alt", label, () => (option === "pause" ? look("pause") : choose(option))),
+    const buttons = some.map(({ option, label }, i) =>
+      button(i ? "alt" : "pick", label, () => (option === "pause" ? look("pause") : choose(option))),
     );
     function choose(option) {
       show({ do: "choose", option }, undefined, option === "finish" ? RESULT : NEXT);
@@ -524,13 +524,14 @@ export function mount(root, send, options = {}) {
     beside = reply;
     const sooner = screen.time.planned && (!beside.to_come || screen.budget - screen.answered <= beside.to_come[1]);
     progress.lastChild.textContent = sooner
-      ? planned(screen.time, screen.answered, screen.budget)
+      ? planned(screen.time, screen.saved, screen.budget - screen.answered)
       : toCome(beside.to_come, screen.time.pace, beside.at_least);
     fill(beside);
     const why = body.querySelector(".why");
     why?.querySelectorAll("p").forEach((p) => p.remove());
     const said = beside.why.length || beside.ready ? beside.why : ["Still being worked out ..."];
-    const lines = said.length ? said : ["Its answer tells most about what is still open."];
+    const unsaid = said.filter((line) => !screen.question.check.includes(line)); // the note above says the others
+    const lines = unsaid.length ? unsaid : [said.length ? ABOVE : "Its answer tells most about what is still open."];
     why?.append(...[...lines, beside.forecast].filter(Boolean).map((line) => part("p", "", {}, [line])));
   }
 
@@ -639,7 +640,7 @@ export function mount(root, send, options = {}) {
         ...cells.map((cell, i) => part("td", numbers[i + 1] ? "number" : "", { role: "cell", "data-head": columns[i + 1] }, [cell])),
       ]),
     );
-    const kind = part("select", "field", { id: `${id}-kind`, "aria-label": `Show only, by ${columns.at(-1).toLowerCase()}` }, [
+    const kind = part("select", "field", { id: `${id}-kind`, "aria-label": `Show only: ${columns.at(-1).toLowerCase()}` }, [
       part("option", "", { value: "" }, ["all"]),
       ...kinds.map((one) => part("option", "", { value: one }, [`${one} (${rows.filter((row) => row.at(-1) === one).length})`])),
     ]);
@@ -701,22 +702,13 @@ export function mount(root, send, options = {}) {
 
   function answers() {
     const standing = new Map(listed.answers.filter((one) => !one.withdrawn).map((one) => [one.id, one]));
-    const among = new Set(listed.conflicts.flat());
     const items = listed.answers.map((one) => {
-      const tags = [];
-      const counts = !one.withdrawn || (one.repeat && one.replaced); // what was taken back is struck through
-      if (!counts) tags.push(one.replaced ? "replaced after a check" : one.dropped ? "not kept: it contradicted another" : "taken back");
-      else if (among.has(one.id)) tags.push("contradicts others");
-      if (!one.withdrawn && !one.used && !one.repeat) tags.push("ignored");
-      if (one.repeat) tags.push("asked again as a check");
-      if (one.order) tags.push("check of the order");
-      if (one.repeat && one.replaced) tags.push("settled since");
-      const said = part("span", "", {}, [part("span", "soft", {}, [`${one.number}. `]), part(counts ? "span" : "s", "", {}, [one.sentence])]);
+      const said = part("span", "", {}, [part("span", "soft", {}, [`${one.number}. `]), part(one.stands ? "span" : "s", "", {}, [one.sentence])]);
       const words = part("span", "words", {}, [said]);
-      words.append(...tags.map((tag) => part("span", PLAIN.has(tag) ? "tag plain" : "tag", {}, [tag])));
+      words.append(...one.remarks.map((tag) => part("span", FAULT.test(tag) ? "tag" : "tag plain", {}, [tag])));
       const when = one.time && new Date(one.time).toLocaleString(undefined, WHEN);
       if (when) words.append(part("time", "soft", { datetime: one.time }, [when]));
-      return part("li", counts ? "" : "gone", {}, one.withdrawn ? [words] : [words, back(one.id, one.sentence)]);
+      return part("li", one.stands ? "" : "gone", {}, one.withdrawn ? [words] : [words, back(one.id, one.sentence)]);
     });
     const conflicts = listed.conflicts.map((ids) => conflict(ids.map((id) => standing.get(id)).filter(Boolean)));
     const none = part("p", "", {}, ["There are none yet."]);
@@ -818,12 +810,14 @@ const RESULT = { words: "Working out your result ...", after: 50 };
 const PREPARING = "This takes a few seconds. The first start on a computer compiles, which takes up to two minutes.";
 const TRY = "Practice question: your answer is not saved.";
 const BARS = "These numbers are too large to draw circles, so the length of a bar shows how many.";
+const ABOVE = "The note above says why.";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
 const UNFORESEEN = "How far each choice of time gets cannot be foreseen here. You will see it as you go.";
 const GIVEN = "It was given when the program was started.";
 const MENDS = "Taking back any one of them fixes it. The others stay.";
 const SURE = { yes: "Yes, take it back", no: "No, keep it" };
 const LETTERS = { on: "A, B, ? and U work", off: "only the arrow keys work" };
+const KEYED = new Set(["practice", "question"]); // stages that letters answer
 const NUMBER = /^(-|not known yet|-?\d[\d.,]*( to \d+)?( \((at least|or) [^)]*\))?)$/; // a cell to be set right-aligned
 const STAYS = "stays"; // returned by what changes nothing on the screen
 const WHEN = { dateStyle: "medium", timeStyle: "short" };
@@ -832,7 +826,7 @@ const FILES = {
   plan: "what follows from your answers",
   answers: "each one, with both sides as you saw them, and whether it is used",
 };
-const PLAIN = new Set(["asked again as a check", "check of the order", "settled since"]); // no fault of the answer
+const FAULT = /contradicts|^ignored|differs/; // what a remark on an answer says that may need mending
 const REMEMBERED = "elicit: letter keys";
 
 // Whether letters answer, as it was set last in this browser, which may forbid to remember anything.
@@ -1001,9 +995,9 @@ export function interval(low, value, high, colour, asked, rough = false) {
 }
 
 // How far the person is in the time that they have.
-function planned({ planned: minutes, spent }, answered, budget) {
+function planned({ planned: minutes, spent }, answered, further) {
   const left = Math.max(0, Math.round(minutes - spent / 60));
-  const more = Math.max(0, budget - answered);
+  const more = Math.max(0, further);
   if (!more) return `your ${minutes} minutes are over`;
   return `${answered} answered, time for about ${more} more (${left < 1 ? "under 1" : left} of ${minutes} minutes left)`;
 }
@@ -1011,7 +1005,7 @@ function planned({ planned: minutes, spent }, answered, budget) {
 function toCome(range, seconds, atLeast) {
   if (!range) return atLeast ? `at least ${atLeast} more` : "";
   const [least, most] = range;
-  if (most === 0) return "perhaps the last one";
+  if (most === 0) return "close to the end"; // often, but not always, the last one
   const minutes = Math.max(1, Math.round((most * seconds) / 60));
   const time = `${minutes}\u00a0min`;
   if (least === most) return `about ${most} more, up to ${time}`;

@@ -123,10 +123,10 @@ def test_checks_are_passed_or_look_like_chance(
     order = (
         f"{checks} more questions checked the order of the levels, and {alike} were answered as "
     )
-    well = "Guesses do as well in half of all interviews or more."
+    well = "Answers given by chance do as well in half of all interviews or more."
     if "half" not in cases:
         do = "do as well" if differed else f"pass all {checks} checks"
-        well = f"Guesses {do} in {cases.replace('cases', 'interviews')[8:]}."
+        well = f"Answers given by chance {do} in {cases.replace('cases', 'interviews')[8:]}."
         if not {"32", "28", "30"} & {*cases.split()}:
             well += " More checks would tell more."
     assert one.by_chance == f"{order}expected. {well}"

@@ -17,6 +17,7 @@ def end(answered: int, **more: Any) -> dict[str, Any]:
     """A person's end."""
     counts = dict.fromkeys(("equal", "cannot tell", "unused", "withdrawn", "repeated", "alike"), 0)
     counts |= {name: more.pop(name) for name in ("repeated", "alike") if name in more}
+    counts |= {"agreeing": counts["alike"], "differing": counts["repeated"] - counts["alike"]}
     said = {"headline": f"Headline {answered}.", "caution": None, "sure": "", "before": "Before."}
     rest = {"settled": False, "remarks": [], "statements": [], "conflicts": []}
     return {"counts": {**counts, "answered": answered}, **said, **rest, **more}
@@ -74,9 +75,11 @@ def test_a_report_has_a_row_and_the_words_for_each_person() -> None:
     assert "unknown chen 0 none not settled 0 in 100" in text
     words = text.split("in the words of their own page ")[1]
     assert words.startswith(
-        "a<b>n : 5 answers. Of these, 4 were to repeated questions. 3 of 4 repeated questions were "
-        "answered as before. Headline 5. Before. "
-        "ben : 1 answer. Headline 1. Careful. Sure. Before. One. chen : 0 answers. Headline 0. "
+        "a<b>n : 5 answers stand: 1 is learned from, 3 are repeats that agree (they confirm, and "
+        "are not learned again) and 1 is a repeat that differs from the first answer, which "
+        "counts. 3 of 4 repeated questions were answered as before. Headline 5. Before. "
+        "ben : 1 answer stands: 1 is learned from. Headline 1. Careful. Sure. Before. One. "
+        "chen : 0 answers. Headline 0. "
         "Fast. Technical details Log of a<b>n a.jsonl (checksum of the last line 12ab) Log of ben b"
     )
     assert "None" not in text

@@ -98,7 +98,7 @@ def test_a_plan_changes_only_what_is_certain_and_says_what_is_not_decided(
         still_open = [] if changes.open is None else [row[0] for row in changes.open.rows]
         assert still_open == [mdp.state_name(s) for s in states.tolist() if s not in certain]
         undecided = f" Your answers do not decide {rest} of 8 states: there the plan keeps "
-        assert (undecided in found_now.sure) == (rest > 0)
+        assert (undecided in found_now.sure) == (n > 0 and rest > 0)  # else the reason says it
         if changes.open is not None:
             assert changes.open.title == f"Not decided by your answers in {rest} of 8 states"
             assert all(
@@ -107,23 +107,30 @@ def test_a_plan_changes_only_what_is_certain_and_says_what_is_not_decided(
         found.add((min(n, 2), min(rest, 1)))
         held_so = "This change is better" if n == 1 else "Each of these changes is better"
         title, note = {
-            (False, False): ("Your answers do not change the plan", ""),
-            (False, True): (
-                f"In {rest} of 8 states your answers may change the plan",
-                " None of these changes is certain yet.",
+            False: (
+                "Your answers do not change the plan",
+                " In all 8 states the plan is the same.",
             ),
         }.get(
-            (n > 0, rest > 0),
+            n > 0,
             (
                 f"In {n} of 8 states your answers change the plan",
                 f" {held_so} {sure}, if the rest of the plan is as here."
                 + " More answers may still change this list." * (name == "posterior"),
             ),
         )
-        if n and rest:
-            note += f" In {rest} more your answers may change it, but do not decide it."
+        if rest:
+            of = "more" if n else "of these"
+            note += f" In {rest} {of}, further answers might change it."
+        else:
+            assert "might change" not in note + found_now.reason
+        if not n:  # nothing claims a change, and the first lines say so
+            unchanged = "our answers do not change the plan. The plan is "
+            assert unchanged in found_now.headline or not len(result.answers)
+            assert found_now.reason.startswith("In all 8 states the plan is the one with equal ")
+            assert ("might change it" in found_now.reason) == (rest > 0)
         assert changes.title == title
-        reason = re.fullmatch(rf"{title}(?:, (mostly )?for (.*))?\.", found_now.reason)
+        reason = re.fullmatch(rf"{title}(?:, (mostly )?because it (.*))?\.", found_now.reason)
         assert (reason is not None) == (n > 0)
         if reason and reason[2]:
             same = sum(row[3] == reason[2] for row in changes.rows)
@@ -136,8 +143,9 @@ def test_a_plan_changes_only_what_is_certain_and_says_what_is_not_decided(
         for state, row in zip(certain.tolist(), changes.rows, strict=True):
             why, more = row[3], d[states.tolist().index(state)]
             if why != "what follows in the rest of the plan":
-                found_why = r"(more|less) “(.*)”, which you( probably)? value \1 than the \d+ of "
-                grows, label, _ = re.fullmatch(f"{found_why}equal steps", why).groups()
+                found_why = r"leads to (more|less) “(.*)”, which you( probably)? value at \1 than "
+                found_why += r"\d+ \(its value with equal steps\)"
+                grows, label, _ = re.fullmatch(found_why, why).groups()
                 level = mdp.labels.index(label)
                 assert (more[level] > 0) == (grows == "more")
                 if "probably" not in why:  # it holds for every plausible scale
@@ -217,11 +225,14 @@ def test_how_sure_a_bound_is_stands_beside_it_unless_it_is_proven(name: str) -> 
     if name == "posterior":
         assert found.size.startswith("Your plan falls short of your ideal plan by at most as ")
         assert " (with 95% probability). This is a measure of size" in found.size
-        assert " lost up to 20 in 100 (with 95% probability): as much value as " in found.before
+        assert (
+            " up to 20 in 100 (with 95% probability) could not be ruled out: as much value as "
+            in found.before
+        )
         assert re.search(r" ideal plan by up to [\d.]+ in 100 \(with 95% probability\): ", stakes)
     else:
         assert found.size.startswith("Your plan falls short of your ideal plan by at most as ")
-        assert " lost up to 20 in 100: as much value as " in found.before
+        assert " up to 20 in 100 could not be ruled out: as much value as " in found.before
         assert "probability" not in f"{found.sure}{stakes}"
     shares = np.array([[0.0, 0.4, 0.6, 0.0], [0.1, 0.0, 0.5, 0.4], [0.0, 0.2, 0.6, 0.2]])
     names = ["first", "second", "third"]
@@ -383,7 +394,7 @@ def test_the_lead_over_the_second_is_said_and_holds_for_every_plausible_scale(na
         assert 100 * low >= least - 1e-9
         assert (said[10] is None) == (least >= 0)
         assert float(said[2]) == pytest.approx(100 * d @ result.comparator.values, abs=0.51)
-        assert rows[result.name][-1] == "-"
+        assert rows[result.name][-1] == "0"
         assert found.changes.marked == [*rows].index(result.name)
         assert (found.changes.title, found.changes.several) == ("The 3 therapies", "therapies")
         behind = re.fullmatch(r"([\d.-]+) \((at least|or) ([\d.]+)( ahead)?\)", rows[said[7]][-1])
