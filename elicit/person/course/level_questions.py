@@ -254,16 +254,14 @@ def purpose_of(query: Query, comparator: Comparator, labels: Sequence[str], more
     low, high = (100.0 * bound[level] for bound in value_ranges(comparator))
     if not (math.isfinite(low) and math.isfinite(high)):
         return ""
-    least, most = max(0, math.floor(low + _GRID)), min(100, math.ceil(high - _GRID))
-    so_far = f"So far it is between {least} and {most} of 100."
-    if most - least >= _UNKNOWN:
-        so_far = "So far almost nothing is known of that."
-    said = f"This question narrows what “{labels[level]}” is worth to you. {so_far}"
+    said = f"This question narrows what “{labels[level]}” is worth to you."
+    if min(100.0, high) - max(0.0, low) >= _UNKNOWN:
+        said += " So far almost nothing is known of that."
     if not more:
         return f"{said} {FURTHER}"
     return (
-        f"{said} Questions end once each level is known to within {100 * _NARROW:.0f}, or when you "
-        "finish."
+        f"{said} Questions end once what each level is worth is known to within "
+        f"{100 * _NARROW:.0f} of 100, or when you finish."
     )
 
 

@@ -37,6 +37,7 @@ from qlearn.cli.conclusions.in_words import (
     until,
 )
 
+_TENTH = 0.001  # share of the value range
 _MOST_UNFOLDED = 12  # alternatives up to which their table stands open on the screen
 _ROUNDED = 0.5  # of 100: less than that does not show in the ranges as they are shown
 _FEW_NAMED = 3  # alternatives that are named in a sentence
@@ -66,21 +67,22 @@ def choice_conclusion(
 
     ``shares`` (n, k) has a row for each alternative.
     """
-    most, sure, best = per_hundred(result.loss_bound), sure_of(result), printable(result.name)
+    loss = _told_loss(told, result.loss_bound)
+    most, sure, best = per_hundred(loss), sure_of(result), printable(result.name)
     settled = choice_holds(told, result)
     if settled:
         headline = _recommended(told, names, shares, result)
         if with_sure := with_probability(result.confidence):
-            sure = f"{capital(with_sure)} {_none_better(told, result.loss_bound)}."
+            sure = f"{capital(with_sure)} {_none_better(told, loss)}."
         else:
-            sure = f"{capital(_none_better(told, result.loss_bound))}. {sure}"
+            sure = f"{capital(_none_better(told, loss))}. {sure}"
         after = "You can stop here."
         more = "More answers would make it surer." if result.loss_bound > 0 else ""
     else:
         headline = f"The choice is open. The best guess so far is “{result.name}”."
         after = f"Another {told.alternative} may be better, by at most {most}. {sure}"
         if result.loss_bound < NO_LOSS:
-            after = f"{capital(_none_better(told, result.loss_bound))}. {sure}"
+            after = f"{capital(_none_better(told, loss))}. {sure}"
         more = "More answers help."
         sure = ""  # it belongs to that sentence, not to the headline
     unasked = (
@@ -96,7 +98,7 @@ def choice_conclusion(
     return Conclusion(
         headline=headline,
         reason=_reason(told, names, shares, result, ahead),
-        size=size_and_end(told, result.loss_bound, _better(told), result.confidence),
+        size=size_and_end(told, loss, _better(told), result.confidence),
         sure=sure,
         next=after,
         more=more,
@@ -245,13 +247,13 @@ def _reason(
         return ""
     second = others[0]
     name, other = (f"“{printable(names[i])}”" for i in (best, second))
-    worth = f"{name} is worth {_more(ahead, second)} than the second, {other}."
+    worth = f"{name} is worth {_more(told, ahead, second)} than the second, {other}."
     differ = _differ(told, 100.0 * apart[second])
     if not differ:
         return worth
     by = "the order of the levels alone" if (directions[second] >= 0).all() else "your answers"
-    better = "is better" if ahead.least[second] > -NO_LOSS else "is better by the best guess"
-    return f"{worth} {capital(differ)}. By {by} that {better}."
+    by = by if ahead.least[second] > -NO_LOSS else "the best guess"
+    return f"{worth} {capital(differ)}. By {by} that is better."
 
 
 def _differ(told: InWords, more: Floats) -> str:
@@ -267,17 +269,22 @@ def _differ(told: InWords, more: Floats) -> str:
     return f"in 100 {printable(told.words.unit)} it has {listed(gained)} in place of {listed(lost)}"
 
 
-def _more(ahead: _Ahead, i: int) -> str:
+def _more(told: InWords, ahead: _Ahead, i: int) -> str:
     """Return in words how much more the choice is worth than an alternative, and how sure it is."""
     guess, least = _of_100(ahead.guess[i]), ahead.least[i]
     if math.isnan(ahead.confidence):
         return f"{guess} of 100 more (best guess)"
     sure = with_probability(ahead.confidence) or _EVERY
     if least <= -NO_LOSS:
-        less = per_hundred(-least).removesuffix(_IN_100)
+        less = per_hundred(_told_loss(told, -least)).removesuffix(_IN_100)
         return f"{guess} of 100 more (best guess; perhaps up to {less} less, {sure})"
     by = f"at least {_at_least(least)}" if least >= NO_LOSS else "not less"
     return f"{guess} of 100 more (best guess; {by} {sure})"
+
+
+def _told_loss(told: InWords, loss: float) -> float:
+    """Return a loss as it is said: no finer than a tenth of 100, unless the tolerance is finer."""
+    return loss if loss < NO_LOSS else max(loss, min(_TENTH, told.tolerance))
 
 
 def _of_100(share: float) -> str:
@@ -334,7 +341,7 @@ def _worth(
             *(f"{100 * share:.3g}" for share in shares[i, ::-1]),
             f"{100 * points[i]:.0f}" if narrow[i] else "not known yet",
             f"{100 * max(low[i], 0.0):.0f} to {100 * min(high[i], 1.0):.0f}",
-            "0" if i == best else _behind(ahead, i),
+            "0" if i == best else _behind(told, ahead, i),
         )
         for i in order
     )
@@ -369,13 +376,14 @@ def _worth(
     )
 
 
-def _behind(ahead: _Ahead, i: int) -> str:
+def _behind(told: InWords, ahead: _Ahead, i: int) -> str:
     """Return how much less an alternative is worth than the choice: best guess, and least."""
     guess, least = _of_100(ahead.guess[i]), ahead.least[i]
     if math.isnan(ahead.confidence):
         return guess
     if least <= -NO_LOSS:
-        return f"{guess} (or {per_hundred(-least).removesuffix(_IN_100)} ahead)"
+        ahead_by = per_hundred(_told_loss(told, -least)).removesuffix(_IN_100)
+        return f"{guess} (or {ahead_by} ahead)"
     return f"{guess} (at least {_at_least(least) if least >= NO_LOSS else 0})"
 
 
