@@ -382,8 +382,8 @@ def test_the_lead_over_the_second_is_said_and_holds_for_every_plausible_scale(na
             r"“(\w+)” is worth ([\d.-]+) of 100 more \(best guess; "
             r"(at least|perhaps up to|not less) ?([\d.]*)( less,)? "
             r"?(with 95% probability|for all values that fit your answers)\) than the second, "
-            r"“(\w+)”\. In 100 people it has (.*) in place of (.*)\. By (your answers|the best guess) "
-            r"that is better\.",
+            r"“(\w+)”\. In 100 people it has (.*) in place of (.*)\. "
+            r"By (your answers|the best guess) that is better\.",
             found.reason,
         )
         assert said, found.reason
