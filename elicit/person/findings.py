@@ -157,8 +157,7 @@ def scale_rows(
         room = float(worse_low[level]), float(better_high[level])
         known = has and is_known(*ends, *room)
         rough = has and not known and ends != (0.0, 100.0)
-        row = ScaleRow(printable(label), float(values[level]), *ends, has, known, rough)
-        rows.append(row)
+        rows.append(ScaleRow(printable(label), float(values[level]), *ends, has, known, rough))
     return rows[::-1]
 
 

@@ -13,7 +13,7 @@ from elicit.model.query import Query, Verdict
 from elicit.person.asker import Compares
 from elicit.person.course.choices import Choices
 from elicit.person.course.conduct import IN_CONFLICT, ORDER, differs, was_settled
-from elicit.person.course.counts import KEPT
+from elicit.person.course.counts import KEPT, status_of
 from elicit.person.course.level_questions import purpose_of
 from elicit.person.drawing import Drawing
 from elicit.person.session import Session
@@ -63,16 +63,15 @@ class Mending:
 
     def check(self, query: Query) -> str:
         """Return a sentence on why a question comes that looks answered already, or ""."""
-        withdrawn = [
-            entry
+        gone = [
+            status_of(entry)
             for entry in self._session.log
             if entry.answer.query.id == query.id and entry.retracted and not was_settled(entry)
         ]
-        taken_back = bool(withdrawn)
         if self._session.is_repeat(query.id):
-            return _CHECK_TAKEN_BACK if taken_back else _AGAIN
-        if taken_back:
-            return _NOT_KEPT if IN_CONFLICT in (withdrawn[-1].retraction or {}) else _TAKEN_BACK
+            return _CHECK_TAKEN_BACK if gone else _AGAIN
+        if gone:
+            return _NOT_KEPT if gone[-1] == "not kept" else _TAKEN_BACK
         if query.id.startswith(ORDER):
             return _ORDER
         if not self._subject.least:

@@ -276,7 +276,7 @@ def _more(told: InWords, ahead: _Ahead, i: int) -> str:
         return f"{guess} of 100 more (best guess)"
     sure = with_probability(ahead.confidence) or _EVERY
     if least <= -NO_LOSS:
-        less = per_hundred(_told_loss(told, -least)).removesuffix(_IN_100)
+        less = _at_most(told, -least)
         return f"{guess} of 100 more (best guess; perhaps up to {less} less, {sure})"
     by = f"at least {_at_least(least)}" if least >= NO_LOSS else "not less"
     return f"{guess} of 100 more (best guess; {by} {sure})"
@@ -290,6 +290,11 @@ def _told_loss(told: InWords, loss: float) -> float:
 def _of_100(share: float) -> str:
     """Return a share of the value range as a number of 100, with two digits at least."""
     return f"{100.0 * share:.{0 if share >= 0.1 else 1}f}"
+
+
+def _at_most(told: InWords, share: float) -> str:
+    """Return a share of the value range as a number of 100 in two digits, rounded up."""
+    return per_hundred(_told_loss(told, share)).removesuffix(_IN_100)
 
 
 def _at_least(share: float) -> str:
@@ -382,8 +387,7 @@ def _behind(told: InWords, ahead: _Ahead, i: int) -> str:
     if math.isnan(ahead.confidence):
         return guess
     if least <= -NO_LOSS:
-        ahead_by = per_hundred(_told_loss(told, -least)).removesuffix(_IN_100)
-        return f"{guess} (or {ahead_by} ahead)"
+        return f"{guess} (or {_at_most(told, -least)} ahead)"
     return f"{guess} (at least {_at_least(least) if least >= NO_LOSS else 0})"
 
 

@@ -186,6 +186,15 @@ def test_without_room_it_says_so_and_goes_on_once_there_is_some(
     assert (told(log), policy_of(log)) == (undisturbed.told, undisturbed.policy)
 
 
+def check_broken_and_tear(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Check that a log with a flipped bit is refused, and leave it whole but for a torn line."""
+    whole = log.read_bytes()
+    middle = len(whole) // 2
+    log.write_bytes(whole[:middle] + bytes([whole[middle] ^ 4]) + whole[middle + 1 :])
+    assert re.search(r"line \d+ of answers-random\.jsonl", refused(capsys))
+    log.write_bytes(whole + b'{"event": "answered", "id": "x')  # a torn line is no fault
+
+
 @pytest.mark.slow
 def test_a_log_that_cannot_be_gone_on_with_is_said_before_there_is_an_address(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -199,11 +208,7 @@ def test_a_log_that_cannot_be_gone_on_with_is_said_before_there_is_an_address(
         port = str(teach.visitor.at.port)
         said = refused(capsys, "--log", "other.jsonl", "--port", port)
         assert f"cannot listen on 127.0.0.1, port {port}: Address already in use" in said
-    whole = log.read_bytes()
-    middle = len(whole) // 2
-    log.write_bytes(whole[:middle] + bytes([whole[middle] ^ 4]) + whole[middle + 1 :])
-    assert re.search(r"line \d+ of answers-random\.jsonl", refused(capsys))
-    log.write_bytes(whole + b'{"event": "answered", "id": "x')  # a torn line is no fault
+    check_broken_and_tear(log, capsys)
     with TeachWeb(tmp_path, "--problem", "random") as teach:
         assert teach.visitor.screen()["answered"] == answered
 
@@ -224,11 +229,7 @@ def test_a_log_or_a_port_in_use_and_a_broken_log_are_said_before_there_is_an_add
         port = f"{taken.getsockname()[1]}"
         said = refused(capsys, "--log", "other.jsonl", "--port", port)
         assert f"cannot listen on 127.0.0.1, port {port}: Address already in use" in said
-    whole = log.read_bytes()
-    middle = len(whole) // 2
-    log.write_bytes(whole[:middle] + bytes([whole[middle] ^ 4]) + whole[middle + 1 :])
-    assert re.search(r"line \d+ of answers-random\.jsonl", refused(capsys))
-    log.write_bytes(whole + b'{"event": "answered", "id": "x')  # a torn line is no fault
+    check_broken_and_tear(log, capsys)
     assert told(log) == answered
 
 
