@@ -5,6 +5,7 @@ as its single best guess at the scale (``values``). It is also strictly inside K
 sign of d.e for one plausible scale.
 """
 
+import hashlib
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,8 @@ from elicit.model.scale import Floats
 
 _FLAT = 1e-12  # if no point of the region has a larger slack, the slack counts as 0
 _BAND = 1e-8  # two opposite rows with less room between them are replaced by its middle
+_MOST_REMEMBERED = 10_000  # centres; then it begins anew
+_REMEMBERED: dict[bytes, Floats] = {}  # by a hash of the constraints
 
 Flags = NDArray[np.bool_]
 
@@ -45,14 +48,29 @@ class _Hull(NamedTuple):
     to: Floats
 
 
-@one_thread
 def analytic_centre(region: Region) -> Floats:
     """Return the analytic centre g (p,) of the region, or of its relative interior if it is flat.
 
     The result depends only on the set of constraints. It is found by ``climb``, from the point with
-    the greatest least slack.
+    the greatest least slack. Results are remembered, because the same sets come again: all runs on
+    the same levels begin with one, and a session that is resumed goes through those of before.
     """
     shape = _canonical(region)
+    digest = hashlib.blake2b(repr(shape.rows.shape).encode(), digest_size=16)
+    digest.update(shape.rows.tobytes())
+    digest.update(shape.limits.tobytes())
+    key = digest.digest()
+    centre = _REMEMBERED.get(key)
+    if centre is None:
+        centre = _REMEMBERED[key] = _centre(shape, region)
+        if len(_REMEMBERED) > _MOST_REMEMBERED:
+            _REMEMBERED.clear()
+    return centre.copy()
+
+
+@one_thread
+def _centre(shape: _Shape, region: Region) -> Floats:
+    """Find the centre of a region with these constraints."""
     hull = _opposites(shape)
     g = _deepest_point(shape, hull)
     if g is not None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from elicit import Answers, InconsistentAnswers, PolytopeComparator, Verdict
+from elicit.lp import analytic_centre as centres
 from elicit.lp.dual_simplex import minimise_exactly
 from elicit.lp.primal_simplex import USED
 from elicit.lp.vertex_store import _cut_of_arrays, cut
@@ -194,3 +195,18 @@ def test_a_compiled_cut_is_the_one_of_whole_arrays(k: int) -> None:
                     mine, its = mine[:used], its[:used]
                 np.testing.assert_array_equal(mine, its, err_msg=name)
         c = c.update(Answers(d, answered(rng, d, truth)))
+
+
+def test_the_centre_of_the_same_constraints_is_found_once_and_is_each_callers_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    d = np.array([[1.0, -3.0, 1.0, 1.0, 0.0, 0.0], [0.0, 1.0, -2.0, 0.0, 1.0, 0.0]])
+    region = region_of(6, 0.0, None, d, [1, -1])
+    first = centres.analytic_centre(region)
+    expected = first.copy()
+    first += 1.0
+    monkeypatch.setattr(centres, "_deepest_point", None)  # finding another would fail
+    again = region.take(np.arange(len(region.rows))[::-1])
+    assert np.array_equal(centres.analytic_centre(again), expected)
+    with pytest.raises(TypeError):
+        centres.analytic_centre(region.take(np.arange(len(region.rows)), margin=0.01))
