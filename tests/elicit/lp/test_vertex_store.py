@@ -201,7 +201,7 @@ def test_the_centre_of_the_same_constraints_is_found_once_and_is_each_callers_ow
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     d = np.array([[1.0, -3.0, 1.0, 1.0, 0.0, 0.0], [0.0, 1.0, -2.0, 0.0, 1.0, 0.0]])
-    region = region_of(6, 0.0, None, d, [1, -1])
+    region = PolytopeComparator(6).update(Answers(d, [1, -1])).region
     first = centres.analytic_centre(region)
     expected = first.copy()
     first += 1.0
