@@ -1062,6 +1062,10 @@ def test_a_contradiction_is_brought_up_at_once_and_mended_with_one_tap(
         if size == WIDE:
             tops = [one.bounding_box()["y"] for one in page.locator("[data-keep]").all()[:2]]
             assert tops[0] == tops[1]
+        for answered in page.locator(".panel .pair").all():  # both sides beside each other
+            tops = [one.bounding_box()["y"] for one in answered.locator(".card").all()]
+            assert len(tops) == 2
+            assert tops[0] == tops[1]
         page.locator("[data-keep]").nth(1).click()
         page.wait_for_selector(".sheet:not([data-stage=conflict])")
         assert "conflict" not in page.inner_text(".nav")
