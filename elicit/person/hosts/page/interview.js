@@ -47,7 +47,7 @@ export function mount(root, send, options = {}) {
   let reached = []; // by the number of answers: how far the bar was, and how many questions were still expected
   let circled = false; // whether a question was drawn in circles
   let barred = null; // id of the first question after that which is drawn in bars
-  let room = { width: 0, lead: 0, card: 0 }; // px that a question may take, above its sides and on each side
+  let room = { width: 0 }; // px that a question may take, above its sides and on each side, and that the head takes
 
   const banner = part("div", "banner", { role: "alert" });
   const brand = part("div", "brand");
@@ -259,7 +259,8 @@ export function mount(root, send, options = {}) {
   }
 
   // The answers are at the same place in every question: what is above them, and the counts, get the room that the
-  // greatest question so far has taken at this width. A long note takes of that room what it needs.
+  // greatest question so far has taken at this width. A long note, and long words in the head, take of that room what
+  // they need.
   function steady() {
     const pair = body.querySelector(".lead + .pair");
     if (!pair) return;
@@ -267,7 +268,7 @@ export function mount(root, send, options = {}) {
     const counts = cards.map((card) => [...card.querySelectorAll(".row")]);
     lead.style.minHeight = "";
     for (const row of counts.flat()) row.style.minHeight = "";
-    if (room.width !== body.clientWidth) room = { width: body.clientWidth, lead: 0, card: 0 };
+    if (room.width !== body.clientWidth) room = { width: body.clientWidth, lead: 0, card: 0, head: Infinity };
     const down = (from) => pair.getBoundingClientRect().top - from.getBoundingClientRect().top;
     const usual = body.clientWidth < NARROW ? USUAL_LINES_OF_NARROW : USUAL_LINES;
     const lines = usual * parseFloat(getComputedStyle(body).lineHeight);
@@ -275,7 +276,9 @@ export function mount(root, send, options = {}) {
     const rows = least * Math.max(0, USUAL_ROWS - counts[0].length);
     room.lead = Math.max(room.lead, down(body), body.firstChild.offsetHeight + lines);
     room.card = Math.max(room.card, ...cards.map((card) => card.offsetHeight + rows));
-    lead.style.minHeight = `${Math.max(0, lead.offsetHeight + room.lead - down(waiting.parentNode))}px`;
+    room.head = Math.min(room.head, sheet.firstChild.offsetHeight);
+    const more = sheet.firstChild.offsetHeight - room.head;
+    lead.style.minHeight = `${Math.max(0, lead.offsetHeight + room.lead - more - down(waiting.parentNode))}px`;
     // the room that is left over is shared by the rows; all are measured before the first one changes
     const heights = counts.map((rows, i) => {
       const more = (room.card - cards[i].offsetHeight) / rows.length;
@@ -540,6 +543,7 @@ export function mount(root, send, options = {}) {
       ? planned(screen.time, screen.saved, screen.budget - screen.answered)
       : toCome(beside.to_come, screen.time.pace, beside.at_least);
     fill(beside);
+    steady(); // the words in the head may be two lines now
     const why = body.querySelector(".why");
     why?.querySelectorAll("p").forEach((p) => p.remove());
     const said = beside.why.length || beside.ready ? beside.why : ["Still being worked out ..."];

@@ -418,6 +418,38 @@ def test_the_answers_stay_at_one_place(windows: Windows, size: dict[str, int]) -
     assert np.ptp(places, axis=0).max() <= 1.5  # px
 
 
+def test_long_words_in_the_head_move_no_answer(windows: Windows) -> None:
+    """On a phone they take two lines, from the room above the answers."""
+    to_come: list[list[int] | None] = [None]
+
+    def outlook(route: Any) -> None:
+        message = route.request.post_data_json
+        if message["do"] != "outlook":
+            route.continue_()
+        else:
+            ready = to_come[0] is not None
+            why = ["It is far." if ready else "It is near."]
+            route.fulfill(json={"id": "q0", "why": why, "to_come": to_come[0], "ready": ready})
+
+    def places() -> tuple[int, int]:
+        found = page.evaluate(
+            "['.head', '.pair'].map((one) => document.querySelector(one))"
+            ".map((one) => [one.offsetHeight, one.getBoundingClientRect().top])"
+        )
+        return round(found[0][0]), round(found[1][1])
+
+    with served(windows.log) as server:
+        page = windows.open(server, NARROW)
+        page.route("**/api", outlook)
+        practise(page)
+        page.get_by_text("It is near.").wait_for(state="attached")
+        head, pair = places()
+        to_come[0] = [1_000_000, 2_000_000]
+        page.get_by_text("It is far.").wait_for(state="attached")
+        assert places()[0] > head
+        assert places()[1] == pair
+
+
 def test_a_note_of_one_line_moves_nothing(windows: Windows) -> None:
     def places() -> Any:
         return page.evaluate(
