@@ -11,21 +11,34 @@ from typing import Any
 from elicit.person.course.counts import Counts, in_answers
 from elicit.person.findings import guess_in_words
 
-_COLOURS = (
-    (127, 39, 4),
-    (217, 95, 14),
-    (254, 196, 79),
-    (198, 219, 239),
-    (107, 174, 214),
-    (8, 81, 156),
-)
+# from the worst level to the best, as the page interview.js has them
+COLOURS = {
+    "light": (
+        (101, 26, 13),
+        (131, 47, 3),
+        (142, 82, 12),
+        (65, 118, 131),
+        (49, 131, 181),
+        (56, 141, 221),
+    ),
+    "dark": (
+        (205, 76, 47),
+        (219, 118, 46),
+        (217, 161, 63),
+        (145, 203, 209),
+        (167, 220, 246),
+        (212, 235, 253),
+    ),
+}
 STYLE = """
 :root { --ink: #14202b; --soft: #4a5864; --line: #d9e0e6; --edge: #c9d2da; --back: #fff; --link: #0b4f8a; --tint: #e6f0f9;
   --warn: #b45f00; --warn-tint: #fff4dc; color-scheme: light dark; }
+svg .level { fill: var(--light); }
 @media screen and (prefers-color-scheme: dark) {
   :root { --ink: #e8eef3; --soft: #aab8c4; --line: #3a4854; --edge: #3a4854; --back: #10161c; --link: #8cc4f5; --tint: #16324a;
     --warn: #e0923a; --warn-tint: #3a2a12; }
   svg rect, svg circle[r="6"], svg .rough { stroke: #97a5b1; }
+  svg .level { fill: var(--dark); }
 }
 svg text { fill: var(--soft); } svg line { stroke: var(--line); }
 body { margin: 2rem auto; max-width: 52rem; padding: 0 1rem; color: var(--ink); background: var(--back);
@@ -366,36 +379,46 @@ def interval_picture(
 ) -> str:
     """Return a picture of a level's interval on the scale from 0 to 100, as HTML.
 
-    A filled bar has a dot at the best guess. If ``colour`` is None the bar is hollow, without a
-    dot, or with a hollow one if ``rough``. It is in the middle of the picture, however high the
-    style makes that.
+    A filled bar has a dot at the best guess. If ``colour``, as from ``colour_of``, is None the bar
+    is hollow, without a dot, or with a hollow one if ``rough``. It is in the middle of the picture,
+    however high the style makes that.
     """
     grid = "".join(
         f'<line x1="{x}%" x2="{x}%" y1="0" y2="100%" stroke="#e4e9ee"/>'
         for x in (0, 25, 50, 75, 100)
     )
-    fill = "none" if colour is None else colour
+    fill = 'fill="none"' if colour is None else f'class="level" style="{colour}"'
     dashed = ' stroke-dasharray="4 3"' if colour is None else ""
-    dot = f'<circle cx="{value:.2f}%" cy="50%" r="3" fill="#14202b"/>'
+    dot = (
+        f'<circle cx="{value:.2f}%" cy="50%" r="3.5" fill="#14202b" stroke="#fff" '
+        'stroke-width="1.5"/>'
+    )
     if colour is None:
         dot = (
             f'<circle class="rough" cx="{value:.2f}%" cy="50%" r="4" fill="none" stroke="#33414d" '
             'stroke-width="2"/>'
         )
     if low == high:
-        dot = f'<circle cx="{value:.2f}%" cy="50%" r="6" fill="{fill}" stroke="#33414d"/>'
+        dot = f'<circle cx="{value:.2f}%" cy="50%" r="6" {fill} stroke="#33414d"/>'
     return (
         f'<svg height="34" aria-hidden="true">{grid}<rect x="{low}%" width="{high - low}%" y="50%" '
-        f'transform="translate(0 -7)" height="14" rx="3" fill="{fill}" stroke="#33414d"{dashed}/>'
+        f'transform="translate(0 -7)" height="14" rx="3" {fill} stroke="#33414d"{dashed}/>'
         f"{dot if colour is not None or rough else ''}</svg>"
     )
 
 
 def colour_of(share: float) -> str:
-    """Return the colour of a level, from 0 for the worst to 1 for the best."""
-    at = share * (len(_COLOURS) - 1)
-    low = min(int(at), len(_COLOURS) - 2)
-    pairs = zip(_COLOURS[low], _COLOURS[low + 1], strict=True)
+    """Return the colours of a level on a light and on a dark page, as two properties of a style.
+
+    ``share`` is from 0 for the worst level to 1 for the best.
+    """
+    return "; ".join(f"--{page}: {_between(colours, share)}" for page, colours in COLOURS.items())
+
+
+def _between(colours: Sequence[tuple[int, int, int]], share: float) -> str:
+    at = share * (len(colours) - 1)
+    low = min(int(at), len(colours) - 2)
+    pairs = zip(colours[low], colours[low + 1], strict=True)
     return f"rgb({','.join(str(round(a + (at - low) * (b - a))) for a, b in pairs)})"
 
 

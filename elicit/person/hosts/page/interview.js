@@ -6,8 +6,12 @@ const SLOW = 400; // ms after which a wait is put into words
 const AGAIN = 1000; // ms between two looks at what is computed beside a question; each failure doubles them
 const MOST_FAILURES = 3; // looks that may fail: what is beside a question is then left out
 const KEYS = { ArrowLeft: "a", a: "a", ArrowRight: "b", b: "b", ArrowDown: "equal", "?": "cannot tell" };
-// from the worst level to the best; orange and blue, which nearly everybody tells apart
-const COLOURS = [[127, 39, 4], [217, 95, 14], [254, 196, 79], [198, 219, 239], [107, 174, 214], [8, 81, 156]];
+// From the worst level to the best, on a light and on a dark page: from red to blue, which nearly everybody tells apart,
+// and each lighter than the one before. All stand out from what is behind them by at least 3:1.
+const COLOURS = {
+  light: [[101, 26, 13], [131, 47, 3], [142, 82, 12], [65, 118, 131], [49, 131, 181], [56, 141, 221]],
+  dark: [[205, 76, 47], [219, 118, 46], [217, 161, 63], [145, 203, 209], [167, 220, 246], [212, 235, 253]],
+};
 const NUMBERS = ["no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"];
 
 // Draw an interview into the element `root`; `send(message)` promises the reply, or rejects with an Error whose message
@@ -40,11 +44,10 @@ export function mount(root, send, options = {}) {
   let following = 0;
   let untouched = 0; // a timer
   let letters = remembered(); // whether single letters answer
-  let expected = null; // questions in all, as it looked last
+  let reached = []; // by the number of answers: how far the bar was, and how many questions were still expected
   let circled = false; // whether a question was drawn in circles
   let barred = null; // id of the first question after that which is drawn in bars
-  let furthest = 0; // the widest that the bar was, in percent
-  let room = { width: 0, lead: 0, card: 0 }; // px that a question may take, above its sides and on each side
+  let room = { width: 0 }; // px that a question may take, above its sides and on each side, and that the head takes
 
   const banner = part("div", "banner", { role: "alert" });
   const brand = part("div", "brand");
@@ -256,42 +259,55 @@ export function mount(root, send, options = {}) {
   }
 
   // The answers are at the same place in every question: what is above them, and the counts, get the room that the
-  // greatest question so far has taken at this width. A note takes of that room what it needs.
+  // greatest question so far has taken at this width. A long note, and long words in the head, take of that room what
+  // they need.
   function steady() {
     const pair = body.querySelector(".lead + .pair");
     if (!pair) return;
     const [cards, lead] = [[...pair.children], pair.previousSibling];
-    const lists = cards.map((card) => card.querySelector(".rows"));
+    const counts = cards.map((card) => [...card.querySelectorAll(".row")]);
     lead.style.minHeight = "";
-    for (const list of lists) list.style.marginBottom = "";
-    if (room.width !== body.clientWidth) room = { width: body.clientWidth, lead: 0, card: 0 };
+    for (const row of counts.flat()) row.style.minHeight = "";
+    if (room.width !== body.clientWidth) room = { width: body.clientWidth, lead: 0, card: 0, head: Infinity };
     const down = (from) => pair.getBoundingClientRect().top - from.getBoundingClientRect().top;
     const usual = body.clientWidth < NARROW ? USUAL_LINES_OF_NARROW : USUAL_LINES;
     const lines = usual * parseFloat(getComputedStyle(body).lineHeight);
-    const counts = lists[0].querySelectorAll(".row");
-    const rows = counts.length ? counts[0].offsetHeight * Math.max(0, USUAL_ROWS - counts.length) : 0;
+    const least = parseFloat(getComputedStyle(counts[0][0] ?? pair).minHeight) || 0;
+    const rows = least * Math.max(0, USUAL_ROWS - counts[0].length);
     room.lead = Math.max(room.lead, down(body), body.firstChild.offsetHeight + lines);
     room.card = Math.max(room.card, ...cards.map((card) => card.offsetHeight + rows));
-    lead.style.minHeight = `${Math.max(0, lead.offsetHeight + room.lead - down(waiting.parentNode))}px`;
-    const more = cards.map((card) => room.card - card.offsetHeight); // before any margin changes them
-    for (const [i, list] of lists.entries()) {
-      list.style.marginBottom = `${parseFloat(getComputedStyle(list).marginBottom) + more[i]}px`;
+    room.head = Math.min(room.head, sheet.firstChild.offsetHeight);
+    const more = sheet.firstChild.offsetHeight - room.head;
+    lead.style.minHeight = `${Math.max(0, lead.offsetHeight + room.lead - more - down(waiting.parentNode))}px`;
+    // the room that is left over is shared by the rows; all are measured before the first one changes
+    const heights = counts.map((rows, i) => {
+      const more = (room.card - cards[i].offsetHeight) / rows.length;
+      return rows.map((row) => row.getBoundingClientRect().height + more);
+    });
+    for (const [i, rows] of counts.entries()) {
+      for (const [j, row] of rows.entries()) row.style.minHeight = `${heights[i][j]}px`;
     }
   }
 
-  // How far the interview is: of the questions that the person planned, or of those that it will likely take. `reply` is
-  // what came in beside the question. Without one the bar stays where it is, for the last forecast may be too low.
+  // How far the interview is: answers, of these and the questions still expected. `reply` is what came in beside the
+  // question; without a forecast the bar stays where it is. It goes back only to where it was when an answer is taken
+  // back. Where far fewer questions are expected than before, it comes near to that over several answers.
   function fill(reply) {
     const done = screen.answered;
     const over = screen.stage === "end" && (screen.end.finished || screen.end.settled);
-    if (reply?.to_come) expected = done + 1 + reply.to_come[1];
-    else if (reply && expected) expected = Math.max(expected, done + 1 + (reply.at_least ?? 0));
-    const all = Math.min(screen.budget ?? Infinity, expected ?? Infinity);
-    // new forecasts do not take back what was reached
-    if (reply && all < Infinity) furthest = Math.max(furthest, Math.min(100, (100 * done) / all));
-    bar.firstChild.style.width = `${over ? 100 : furthest}%`;
-    bar.hidden = ["welcome", "practice"].includes(screen.stage) || !(over || furthest);
-    if (over) [expected, furthest] = [null, 0]; // whoever asks for more begins anew
+    reached.length = Math.min(reached.length, done + 1);
+    const left = Math.max(1, Math.min((screen.budget ?? Infinity) - done, reply?.to_come ? reply.to_come[1] + 1 : Infinity));
+    if (reply && left < Infinity) {
+      const before = reached.slice(0, done).findLast(Boolean) ?? { done, width: 0 };
+      const width = (100 * done) / (done + left);
+      const step = (STEPS * (done - before.done) * (100 - before.width)) / before.left;
+      const most = done > before.done ? Math.max(before.width + step, (before.width + width) / 2) : width;
+      reached[done] = { done, left, width: Math.max(before.width, reached[done]?.width ?? 0, Math.min(width, most)) };
+    }
+    const now = reached.findLast(Boolean);
+    bar.firstChild.style.width = `${over ? 100 : (now?.width ?? 0)}%`;
+    bar.hidden = ["welcome", "practice"].includes(screen.stage) || !(over || now);
+    if (over) reached = []; // whoever asks for more begins anew
   }
 
   function foot() {
@@ -340,7 +356,7 @@ export function mount(root, send, options = {}) {
     const meant = all.some((one) => one.meaning);
     const rows = all.map((one) =>
       part("tr", "", {}, [
-        part("th", "", { scope: "row" }, [icon(one.level, all.length, colourOf(one.level, all.length)), one.label]),
+        part("th", "", { scope: "row" }, [icon(one.level, all.length), one.label]),
         ...(meant ? [part("td", "", {}, [one.meaning])] : []),
       ]),
     );
@@ -527,6 +543,7 @@ export function mount(root, send, options = {}) {
       ? planned(screen.time, screen.saved, screen.budget - screen.answered)
       : toCome(beside.to_come, screen.time.pace, beside.at_least);
     fill(beside);
+    steady(); // the words in the head may be two lines now
     const why = body.querySelector(".why");
     why?.querySelectorAll("p").forEach((p) => p.remove());
     const said = beside.why.length || beside.ready ? beside.why : ["Still being worked out ..."];
@@ -562,14 +579,16 @@ export function mount(root, send, options = {}) {
     const { open, scale, certainty, statements, conflicts, changes, caution, remarks, settled, status, more } = screen.end;
     const { plan, scale_notes: notes } = screen.end;
     const after = `${status} (${answersOf(screen.end.counts.answered)})`;
+    const small = body.clientWidth < NARROW; // the first two screens have all that matters, and the rest is folded
+    const rest = small ? fold : section;
     const top = [part("p", settled ? "status good" : "status", {}, [settled ? `✓ ${after}` : after])];
-    for (const said of [caution, ...remarks].filter(Boolean)) top.push(part("p", "caution", {}, [said]));
+    if (caution) top.push(part("p", "caution", {}, [caution]));
     if (screen.end.reason) top.push(part("p", "reason", {}, [screen.end.reason]));
-    const facts = [
-      ["How sure", screen.end.sure], ["How close", screen.end.size], ["Before", screen.end.before], ["Next", screen.end.next], ["You gave", screen.end.given],
-      ["Checks", `${screen.end.checks} ${screen.end.by_chance}`.trim()],
-    ].filter(([, text]) => text);
-    top.push(part("dl", "facts", {}, facts.flatMap(([a, b]) => [part("dt", "", {}, [a]), part("dd", "", {}, [b])])));
+    const { sure, size, before, next, given: gave, checks, by_chance: chance } = screen.end;
+    const main = [["How sure", sure], ["How close", size], ["Next", next]];
+    const further = [["Before", before], ["You gave", gave], ["Checks", `${checks} ${chance}`.trim()]];
+    top.push(facts(small ? main : [...main, ...further]));
+    for (const said of remarks) top.push(part("p", "caution", {}, [said]));
     const kept = part("p", "soft small kept", { role: "status" });
     const doing = [button("pick", "Download report", () => keep(kept))];
     if (more) doing.push(button("alt", "Ask me more", () => show({ do: "more" })));
@@ -577,14 +596,21 @@ export function mount(root, send, options = {}) {
     const parts = [part("section", "panel", {}, top)];
     if (open) parts.push(part("p", "same", {}, [open]));
     parts.push(...conflicts.map(conflict));
-    if (scale.length) parts.push(worth(scale, certainty, notes));
-    if (changes) parts.push(changed(changes));
-    if (plan) parts.push(whole(plan));
-    if (statements.length) parts.push(section("What else follows", lines(statements)));
-    parts.push(section("Downloads", files(screen.end.downloads)));
-    const rest = [screen.end.source, ...screen.end.limits].filter(Boolean).map((line) => part("p", "soft small", {}, [line]));
-    parts.push(part("div", "part", {}, [...rest, ...technical(screen.end.facts)]));
+    if (scale.length) parts.push(worth(scale, certainty, notes, small));
+    if (changes) parts.push(changed(changes, rest));
+    if (plan) parts.push(whole(plan, rest));
+    if (statements.length) parts.push(rest("What else follows", lines(statements)));
+    if (small && further.some(([, text]) => text)) parts.push(fold("Your answers and their checks", [facts(further)]));
+    parts.push(rest("Downloads", files(screen.end.downloads)));
+    const limits = [screen.end.source, ...screen.end.limits].filter(Boolean).map((line) => part("p", "soft small", {}, [line]));
+    const about = [...limits, ...technical(screen.end.facts)];
+    if (about.length) parts.push(small ? fold("About this result", about) : part("div", "part", {}, about));
     return [{ heading: [screen.end.headline || "There are no more questions"], name: "Result", more: "" }, ...parts];
+  }
+
+  function facts(all) {
+    const named = all.filter(([, text]) => text).flatMap(([a, b]) => [part("dt", "", {}, [a]), part("dd", "", {}, [b])]);
+    return part("dl", "facts", {}, named);
   }
 
   function files(downloads) {
@@ -603,7 +629,7 @@ export function mount(root, send, options = {}) {
 
   // What the answers change: a heading, a note, and a table that can be filtered, and is folded unless it is `unfolded`.
   // What is still open has a table of its own.
-  function changed({ title, note: remark, columns, rows, of, several, open, unfolded, marked, mark }) {
+  function changed({ title, note: remark, columns, rows, of, several, open, unfolded, marked, mark }, rest) {
     const made = remark.split("\n").map((words) => part("p", "soft", {}, [words]));
     if (rows.length) {
       const table = folded(title, columns, rows, several || `${of}s`, of, [], "elicit-filter");
@@ -617,13 +643,13 @@ export function mount(root, send, options = {}) {
       const said = [part("p", "soft", {}, [open.note])];
       made.push(folded(open.title, open.columns, open.rows, `${open.of}s`, open.of, said, "elicit-filter-open"));
     }
-    return section(title, made);
+    return rest(title, made);
   }
 
   // The plan everywhere, whether the answers change it, and whether that is certain.
-  function whole({ title, note: remark, columns, rows, of }) {
+  function whole({ title, note: remark, columns, rows, of }, rest) {
     const kinds = [...new Set(rows.map((row) => row.at(-1)))];
-    return section(title, [
+    return rest(title, [
       part("p", "soft", {}, [remark]),
       folded(title, columns, rows, `${of}s`, of, [], "elicit-filter-plan", kinds.length > 1 ? kinds : []),
     ]);
@@ -798,8 +824,9 @@ export function mount(root, send, options = {}) {
 }
 
 const USUAL_ROWS = 3; // levels that a question shows, and lines above its sides: one with less gets as much room
-const USUAL_LINES = 4;
+const USUAL_LINES = 3;
 const USUAL_LINES_OF_NARROW = 3;
+const STEPS = 2; // how many times as far as expected the bar goes at one answer, unless that is not half the way
 const NARROW = 640; // px of width, as the style has it
 const FEW = 12; // rows that need no filter, and are shown at once
 const NEXT = { words: "Working out what comes next ...", after: SLOW };
@@ -869,6 +896,11 @@ export function section(title, inside) {
   return part("section", "part", {}, [part("h2", "", {}, [title]), ...inside]);
 }
 
+// A section that opens at its heading.
+function fold(title, inside) {
+  return part("details", "fold", {}, [part("summary", "", {}, [part("h2", "", {}, [title])]), ...inside]);
+}
+
 // What only somebody who checks a result needs: the problem, the seed, and so on.
 export function technical(facts) {
   if (!facts.length) return [];
@@ -898,14 +930,14 @@ function hide(element) {
 // A level on one side: how many, its name, and as many icons in fives, or a bar.
 function level(asked, row, n, most) {
   const picture = part("span", "icons", { "aria-hidden": "true" });
-  const colour = colourOf(row.level, asked.levels);
   if (asked.icons) {
-    const all = Array.from({ length: n }, () => icon(row.level, asked.levels, colour));
-    while (all.length) picture.append(part("span", "five", {}, all.splice(0, 5)));
+    const all = Array.from({ length: n }, () => icon(row.level, asked.levels));
+    const fives = [];
+    while (all.length) fives.push(part("span", "five", {}, all.splice(0, 5)));
+    while (fives.length) picture.append(part("span", "ten", {}, fives.splice(0, 2)));
   } else {
-    const bar = part("span", "bar");
+    const bar = painted(part("span", "bar"), colourOf(row.level, asked.levels));
     bar.style.width = `${(100 * n) / most}%`;
-    bar.style.backgroundColor = colour;
     if (n) picture.append(bar);
   }
   const words = [part("span", "n", {}, [thousands(n)]), " ", part("span", "label", {}, [row.label]), picture];
@@ -915,22 +947,31 @@ function level(asked, row, n, most) {
 const circles = (asked) =>
   asked.icons ? ` Each circle is one of the ${asked.unit}: ✓ is the best level, ✕ the worst.` : "";
 
-function icon(level, levels, colour) {
+function icon(level, levels) {
   const mark = level === 0 ? "✕" : level === levels - 1 ? "✓" : "";
   const made = part("i", mark ? "icon marked" : "icon", { "aria-hidden": "true" }, [mark]);
-  made.style.backgroundColor = colour;
-  return made;
+  return painted(made, colourOf(level, levels));
 }
 
+// The style sheet takes the one that suits the page.
+function painted(element, { light, dark }) {
+  element.style.setProperty("--light", light);
+  element.style.setProperty("--dark", dark);
+  element.classList.add("painted");
+  return element;
+}
+
+// The colours of a level on a light and on a dark page.
 export function colourOf(level, levels) {
-  const at = (level / Math.max(1, levels - 1)) * (COLOURS.length - 1);
-  const low = Math.min(Math.floor(at), COLOURS.length - 2);
-  return `rgb(${COLOURS[low].map((x, i) => Math.round(x + (at - low) * (COLOURS[low + 1][i] - x))).join(",")})`;
+  const at = (level / Math.max(1, levels - 1)) * (COLOURS.light.length - 1);
+  const low = Math.min(Math.floor(at), COLOURS.light.length - 2);
+  const between = (all) => all[low].map((x, i) => Math.round(x + (at - low) * (all[low + 1][i] - x)));
+  return { light: `rgb(${between(COLOURS.light)})`, dark: `rgb(${between(COLOURS.dark)})` };
 }
 
 // What the levels are worth, as a table whose middle column is a picture. A level of which too little is known has no
-// best guess.
-function worth(scale, certainty, notes) {
+// best guess. On a `small` page how to read it is folded.
+function worth(scale, certainty, notes, small) {
   const head = ["Level", null, "Best guess", "Range"].map((words) =>
     words
       ? part("th", "", { scope: "col", role: "columnheader" }, [words])
@@ -950,17 +991,21 @@ function worth(scale, certainty, notes) {
     ]);
   });
   const [best, worst] = [scale[0].label, scale.at(-1).label];
-  const said =
-    `From 0 (“${worst}”) to 100 (“${best}”). A level at 60 is as good to you as 60 of 100 at “${best}” and 40 at “${worst}”. ` +
-    `Dot: best guess. Bar: range (${certainty}).`;
+  const ends = `From 0 (“${worst}”) to 100 (“${best}”).`;
+  const said = [
+    `A level at 60 is as good to you as 60 of 100 at “${best}” and 40 at “${worst}”.`,
+    `Dot: best guess. Bar: range (${certainty}).`,
+  ].join(" ");
   // roles, because a narrow page lays the rows out as a grid, which takes the table's own roles away
   const table = part("table", "worth", { role: "table" }, [
-    part("caption", "soft", {}, [said]),
+    part("caption", "soft", {}, [small ? ends : `${ends} ${said}`]),
     part("thead", "", { role: "rowgroup" }, [part("tr", "", { role: "row" }, head)]),
     part("tbody", "", { role: "rowgroup" }, rows),
   ]);
-  const below = notes.length ? [part("p", "soft small below", {}, [notes.join(" ")])] : [];
-  return section("What the levels are worth to you", [part("div", "panel", {}, [table, ...below])]);
+  const below = (small ? [said, ...notes] : notes).join(" ");
+  const noted = below ? [part("p", "soft small below", {}, [below])] : [];
+  const reading = small ? [part("details", "", {}, [part("summary", "", {}, ["How to read this"]), ...noted])] : noted;
+  return section("What the levels are worth to you", [part("div", "panel", {}, [table, ...reading])]);
 }
 
 function svg(tag, attributes, inside = []) {
@@ -986,9 +1031,9 @@ export function interval(low, value, high, colour, asked, rough = false) {
   const grid = marks.map((x) => svg("line", { class: "grid", x1: x, x2: x, y1: 0, y2: "100%" }));
   const [x, width] = [`${low}%`, `${high - low}%`];
   const bar = { x, width, y: "25%", height: "50%", rx: 3 };
-  const parts = [svg("rect", asked ? { ...bar, class: "open", fill: colour } : { ...bar, class: "open unknown" })];
+  const parts = [asked ? painted(svg("rect", { ...bar, class: "open" }), colour) : svg("rect", { ...bar, class: "open unknown" })];
   const end = low === high;
-  if (end) parts.push(svg("circle", { class: "fixed", cx: `${value}%`, cy: "50%", r: 7, fill: colour }));
+  if (end) parts.push(painted(svg("circle", { class: "fixed", cx: `${value}%`, cy: "50%", r: 7 }), colour));
   else if (asked) parts.push(svg("circle", { class: "guess", cx: `${value}%`, cy: "50%", r: 3 }));
   else if (rough) parts.push(svg("circle", { class: "roughly", cx: `${value}%`, cy: "50%", r: 4 }));
   return svg("svg", { class: "interval", "aria-hidden": "true", focusable: "false" }, [...grid, ...parts]);

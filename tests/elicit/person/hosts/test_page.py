@@ -1,5 +1,6 @@
 """The page in a real browser: whatever the person does there, each answer is in the log once."""
 
+import itertools
 import re
 import threading
 from collections.abc import Iterator, Sequence
@@ -14,6 +15,7 @@ import pytest
 from elicit import AnswerLog, Session, Subject, Verdict, Words
 from elicit.person.course.conclusion import Conclusion, ResultTable
 from elicit.person.hosts.study_web import StudyServer
+from elicit.person.report import colour_of
 from elicit.person.study.study import Study
 from tests.browser_cases import (
     LABELS,
@@ -416,6 +418,118 @@ def test_the_answers_stay_at_one_place(windows: Windows, size: dict[str, int]) -
     assert np.ptp(places, axis=0).max() <= 1.5  # px
 
 
+def test_long_words_in_the_head_move_no_answer(windows: Windows) -> None:
+    """On a phone they take two lines, from the room above the answers."""
+    to_come: list[list[int] | None] = [None]
+
+    def outlook(route: Any) -> None:
+        message = route.request.post_data_json
+        if message["do"] != "outlook":
+            route.continue_()
+        else:
+            ready = to_come[0] is not None
+            why = ["It is far." if ready else "It is near."]
+            route.fulfill(json={"id": "q0", "why": why, "to_come": to_come[0], "ready": ready})
+
+    def places() -> tuple[int, int]:
+        found = page.evaluate(
+            "['.head', '.pair'].map((one) => document.querySelector(one))"
+            ".map((one) => [one.offsetHeight, one.getBoundingClientRect().top])"
+        )
+        return round(found[0][0]), round(found[1][1])
+
+    with served(windows.log) as server:
+        page = windows.open(server, NARROW)
+        page.route("**/api", outlook)
+        practise(page)
+        page.get_by_text("It is near.").wait_for(state="attached")
+        head, pair = places()
+        to_come[0] = [1_000_000, 2_000_000]
+        page.get_by_text("It is far.").wait_for(state="attached")
+        assert places()[0] > head
+        assert places()[1] == pair
+
+
+def test_a_note_of_one_line_moves_nothing(windows: Windows) -> None:
+    def places() -> Any:
+        return page.evaluate(
+            "['h1', '.pair', '.mid'].map((one) => document.querySelector(one).offsetTop)"
+        )
+
+    with served(windows.log) as server:
+        page = practised(windows, server)
+        assert not page.inner_text(".note")
+        before = places()
+        click(page, "a")
+        at(page, "Question 2")
+        name(page, "Take back last answer").click()
+        at(page, "Question 1")
+        assert page.locator(".note").is_visible()
+        assert places() == before
+
+
+@pytest.mark.parametrize("size", [WIDE, NARROW], ids=["wide", "narrow"])
+def test_circles_stand_in_tens_or_else_in_fives(windows: Windows, size: dict[str, int]) -> None:
+    lines = """
+    [...document.querySelectorAll(".icons")].map((all) => {
+      const tops = [...all.querySelectorAll(".icon")].map((one) => one.offsetTop);
+      return [...new Set(tops)].map((top) => tops.filter((one) => one === top).length);
+    }).filter((all) => all.length)
+    """
+    labels = ("died", "needs daily care", "recovered")
+    questions = bags(((0, 18, 0), (5, 0, 13)), ((0, 18, 0), (7, 0, 11)))
+    with served(windows.log, questions, labels, least=1, of=18) as server:
+        page = practised(windows, server, size)
+        found = page.evaluate(lines)
+        assert sorted(map(sum, found)) == [5, 13, 18]
+        click(page, "a" if "18" in page.locator(".card").first.inner_text() else "b")
+        at(page, "Question 2")
+        click(page, "b" if "18" in page.locator(".card").first.inner_text() else "a")
+        stage(page, "conflict")
+        found += page.evaluate(lines)
+        assert len(found) == 9
+        for numbers in found:
+            assert set(numbers[:-1]) <= {max(numbers)}
+            assert max(numbers) in (5, 10) or len(numbers) == 1
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_better_level_is_lighter_and_each_stands_out(windows: Windows, scheme: Any) -> None:
+    labels = ("died", "critical", "severe", "moderate", "mild", "recovered")
+    questions = bags(((0, 0, 0, 10, 0, 0), (5, 0, 0, 0, 0, 5)))
+    with served(windows.log, questions, labels) as server:
+        page = windows.open(server, color_scheme=scheme)
+        at(page, "Welcome")
+        behind, *colours = (
+            [float(x) for x in re.findall(r"[\d.]+", colour)]
+            for colour in page.evaluate(
+                "[document.querySelector('.panel'), ...document.querySelectorAll('.legend .icon')]"
+                ".map((one) => getComputedStyle(one).backgroundColor)"
+            )
+        )
+    expected = [
+        re.search(f"--{scheme}: rgb\\(([\\d,]+)\\)", colour_of(i / 5)).group(1)  # type: ignore[union-attr]
+        for i in range(6)
+    ]
+    assert [",".join(f"{x:.0f}" for x in colour) for colour in colours[::-1]] == expected
+    light = [luminance(colour) for colour in colours]  # best first
+    assert all(contrast(one, luminance(behind)) >= 3 for one in light)
+    assert all(one > next for one, next in itertools.pairwise(light))
+    assert min(contrast(one, next) for one, next in itertools.pairwise(light)) > 1.15
+
+
+def luminance(colour: Sequence[float]) -> float:
+    """Return the relative luminance of a colour, as WCAG defines it."""
+    x = np.array(colour) / 255
+    linear = np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+def contrast(one: float, other: float) -> float:
+    """Return the contrast of two luminances."""
+    return (max(one, other) + 0.05) / (min(one, other) + 0.05)
+
+
 def test_levels_stand_in_line_on_both_sides(windows: Windows) -> None:
     with served(windows.log) as server:
         page = windows.open(server)
@@ -668,8 +782,10 @@ def test_after_a_slip_the_practice_question_can_be_tried_again(windows: Windows)
         assert not windows.entries()
 
 
-def test_the_bar_never_runs_backwards_nor_ahead_of_a_forecast_that_grows(windows: Windows) -> None:
-    to_come = {"q0": [3, 3], "q1": [2, 2], "q2": [7, 17], "q3": None, "q4": [0, 0]}
+def test_the_bar_says_what_the_words_say_never_jumps_and_goes_back_with_an_answer(
+    windows: Windows,
+) -> None:
+    to_come = {"q0": [3, 3], "q1": [1, 2], "q2": [7, 17], "q3": None, "q4": [0, 0]}
 
     def outlook(route: Any) -> None:
         message = route.request.post_data_json
@@ -679,6 +795,9 @@ def test_the_bar_never_runs_backwards_nor_ahead_of_a_forecast_that_grows(windows
             known = {"why": [], "to_come": to_come[message["id"]], "at_least": 0, "ready": True}
             route.fulfill(json={"id": message["id"], **known})
 
+    def width() -> float:
+        return float(page.evaluate("parseFloat(document.querySelector('.meter span').style.width)"))
+
     widths = []
     with served(windows.log) as server:
         page = windows.open(server)
@@ -687,15 +806,21 @@ def test_the_bar_never_runs_backwards_nor_ahead_of_a_forecast_that_grows(windows
         for n in range(1, 6):
             at(page, f"Question {n}")
             page.locator(".why p").first.wait_for(state="attached")  # the reply is drawn
-            widths.append(
-                page.evaluate("parseFloat(document.querySelector('.meter span').style.width)")
-            )
+            widths.append(width())
+            assert page.locator(".meter").is_visible()
+            if n == 3:
+                name(page, "Take back last answer").click()
+                at(page, "Question 2")
+                assert width() == widths[1]
+                answer(page, "cannot tell")
+                at(page, "Question 3")
+                page.locator(".why p").first.wait_for(state="attached")
+                assert width() == widths[2]
             click(page, "cannot tell")
         at(page, "Result")
-        widths.append(
-            page.evaluate("parseFloat(document.querySelector('.meter span').style.width)")
-        )
-    assert widths == [0, 25, 25, 25, 80, 100]
+        widths.append(width())
+    # 1 of 4, and no less when more are expected; then half the way to 4 of 5
+    assert widths == [0, 25, 25, 25, 52.5, 100]
 
 
 @pytest.mark.slow
@@ -930,6 +1055,8 @@ def test_a_conflict_an_offer_and_an_early_end_are_open_to_everybody_and_fit(
         stage(page, "question")
         name(page, "Finish now").click()
         stage(page, "end")
+        if size == NARROW:
+            page.click("text=Downloads")
         with page.expect_download() as kept:
             page.get_by_role("button", name="Scale as CSV").click()
         assert "moderate" in Path(kept.value.path()).read_text()
@@ -964,6 +1091,13 @@ def test_a_contradiction_is_brought_up_at_once_and_mended_with_one_tap(
             "Keep answer 1",
             "Keep answer 2",
         ]
+        if size == WIDE:
+            tops = [one.bounding_box()["y"] for one in page.locator("[data-keep]").all()[:2]]
+            assert tops[0] == tops[1]
+        for answered in page.locator(".panel .pair").all():  # both sides beside each other
+            tops = [one.bounding_box()["y"] for one in answered.locator(".card").all()]
+            assert len(tops) == 2
+            assert tops[0] == tops[1]
         page.locator("[data-keep]").nth(1).click()
         page.wait_for_selector(".sheet:not([data-stage=conflict])")
         assert "conflict" not in page.inner_text(".nav")
@@ -1104,3 +1238,60 @@ def test_a_long_table_of_changes_is_folded_and_filtered(windows: Windows) -> Non
             *("state", "98", "old", "perhaps")
         ]
         violated(page)
+
+
+def test_on_a_phone_the_first_two_screens_of_a_result_say_all_that_matters(
+    windows: Windows,
+) -> None:
+    rows = tuple((f"state {i}", "old", f"new {i % 7}") for i in range(4))
+    table = ResultTable("In 4 of 99 states your answers change the plan", ("State", "A", "B"), rows)
+    concluded = Conclusion(
+        headline="Your plan is settled.",
+        reason="By 3.",
+        changes=table,
+        settled=True,
+        size="At most 1.",
+        sure="With 95% probability.",
+        before="It was 4.",
+        next="You can stop here.",
+    )
+    labels = ("died", "critical", "severe", "moderate", "mild", "recovered")
+    questions = bags(((0, 0, 0, 10, 0, 0), (5, 0, 0, 0, 0, 5)))
+    with served(windows.log, questions, labels, conclude=lambda *_: concluded) as server:
+        page = practised(windows, server, NARROW)
+        click(page, "a")
+        at(page, "Result")
+        assert page.locator(".facts:visible dt").all_inner_texts() == [
+            "How sure",
+            "How close",
+            "Next",
+        ]
+        tops = [
+            page.get_by_text(words, exact=True).first.bounding_box()["y"]
+            for words in (
+                "Your plan is settled.",
+                "By 3.",
+                "With 95% probability.",
+                "You can stop here.",
+                "What the levels are worth to you",
+                *("died", table.title, "What else follows", "Your answers and their checks"),
+                *("Downloads",),
+            )
+        ]
+        assert tops == sorted(tops)
+        assert tops[5] < 2 * NARROW["height"]
+        assert page.evaluate("document.documentElement.scrollHeight") < 2 * NARROW["height"]
+        assert not page.locator("details[open]").count()
+        assert not page.get_by_text("It was 4.").is_visible()
+        violated(page)
+        for summary in page.locator(".fold > summary").all():
+            summary.click()
+        assert page.get_by_text("It was 4.").is_visible()
+        assert name(page, "Answers as CSV").is_visible()
+        violated(page)
+        fits(page)
+        page.set_viewport_size(WIDE)
+        page.reload()
+        at(page, "Result")
+        assert not page.locator(".fold").count()
+        assert name(page, "Answers as CSV").is_visible()
