@@ -21,10 +21,10 @@ from elicit._support.background import Background, MadeAhead, Turns
 from elicit._support.closing import Closing
 from elicit.model.query import Answer, Query, Verdict
 from elicit.person.asker import AfterAnswer, Asker, Compares, Supposed, tell
-from elicit.person.course.choices import Choices
 from elicit.person.course.conduct import AGAIN, LEAST_CHECKS, ORDER, Conduct
 from elicit.person.course.consequences import Consequences
 from elicit.person.course.forecast import QuestionsLeft, Stated
+from elicit.person.course.kept_in_log import Choices
 from elicit.person.course.level_questions import FURTHER, LEVEL, questions_left
 from elicit.person.course.offers import nearly_from
 from elicit.person.course.pace import Pace

@@ -13,7 +13,6 @@ from elicit._support.distribution import version
 from elicit.model.comparator_parts import trusted_share
 from elicit.model.query import Verdict
 from elicit.person.asker import Compares, Supposed
-from elicit.person.course.choices import Choices
 from elicit.person.course.conclusion import (
     Conclusion,
     per_hundred,
@@ -30,6 +29,7 @@ from elicit.person.course.counts import (
 )
 from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
+from elicit.person.course.kept_in_log import Choices
 from elicit.person.course.pace import Pace
 from elicit.person.findings import certainty, guess_in_words, scale_notes, scale_rows
 from elicit.person.next_question import NextQuestion

@@ -13,7 +13,7 @@ from elicit.model.comparator_parts import best_guess, trusted_share, unordered_o
 from elicit.model.difference import tail_sums
 from elicit.model.outcomes import assumed_of_answers
 from elicit.person.course.conclusion import listed
-from elicit.person.course.level_questions import draws_again, value_ranges
+from elicit.person.course.ranges import draws_again, value_ranges
 from elicit.person.showing import printable
 from elicit.tutors.answer_log import Entry
 

@@ -26,11 +26,10 @@ from elicit.model.comparator import Comparator
 from elicit.person.asker import Compares
 from elicit.person.beside import Beside, Company, in_minutes
 from elicit.person.course import offers
-from elicit.person.course.choices import CHOICES, Choices
 from elicit.person.course.conduct import Conduct
 from elicit.person.course.counts import Counts, number_of
+from elicit.person.course.kept_in_log import CHOICES, START, Choices
 from elicit.person.course.pace import FEW_HASTY, Pace
-from elicit.person.course.start import START
 from elicit.person.drawing import Drawing
 from elicit.person.mending import Mending
 from elicit.person.next_question import NextQuestion

@@ -11,9 +11,9 @@ from typing import Any
 
 from elicit.model.query import Query, Verdict
 from elicit.person.asker import Compares
-from elicit.person.course.choices import Choices
 from elicit.person.course.conduct import IN_CONFLICT, ORDER, differs, was_settled
 from elicit.person.course.counts import KEPT, status_of
+from elicit.person.course.kept_in_log import Choices
 from elicit.person.course.level_questions import purpose_of
 from elicit.person.drawing import Drawing
 from elicit.person.session import Session

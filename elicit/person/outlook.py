@@ -22,7 +22,7 @@ from elicit.person.asker import Asker, Compares, tell
 from elicit.person.course.conclusion import listed
 from elicit.person.course.conduct import LEAST_CHECKS
 from elicit.person.course.forecast import Stated, rise
-from elicit.person.course.level_questions import value_ranges
+from elicit.person.course.ranges import value_ranges
 from elicit.person.showing import Shown, printable
 from elicit.tutors.erring_tutor import says_left
 

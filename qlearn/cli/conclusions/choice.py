@@ -25,7 +25,7 @@ from elicit.person.course.conclusion import (
     up_to,
     with_probability,
 )
-from elicit.person.course.level_questions import draws_again, ranges_of
+from elicit.person.course.ranges import draws_again, ranges_of
 from elicit.person.showing import printable
 from qlearn.cli.conclusions.in_words import (
     InWords,

@@ -19,7 +19,7 @@ from elicit.person.course.conclusion import (
     up_to,
     with_probability,
 )
-from elicit.person.course.level_questions import draws_again, value_ranges
+from elicit.person.course.ranges import draws_again, value_ranges
 from elicit.person.showing import printable
 from qlearn.cli.conclusions.decided_plan import DecidedPlan, DecidedPlans
 from qlearn.cli.conclusions.in_words import (
