@@ -247,7 +247,7 @@ class Interview(Closing):
 
         Parameters
         ----------
-        what : {"scale", "plan", "answers"}
+        what : {"scale", "plan", "outcomes", "answers"}
 
         Returns
         -------
@@ -424,11 +424,11 @@ class Interview(Closing):
         if not self._slipped:
             return self._screen("That is how it works. Now the real questions.")
         worst, best = (printable(self._subject.labels[i]) for i in (0, -1))
-        slip = ""
+        mistake = ""
         if choice in ("a", "b"):
-            slip = f"Everyone in {choice.upper()} is “{worst}”: perhaps that was a slip. "
+            mistake = f"Everyone in {choice.upper()} is “{worst}”: perhaps that was a mistake. "
         return self._screen(
-            f"Most people choose {obvious.upper()}, because everyone in it is “{best}”. {slip}"
+            f"Most people choose {obvious.upper()}, because everyone in it is “{best}”. {mistake}"
             "You can try again, or go on: this is the first real question."
         )
 

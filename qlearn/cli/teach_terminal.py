@@ -305,6 +305,7 @@ def report_lines(screen: dict[str, Any], width: int) -> list[str]:
     said = (
         end["headline"],
         end["caution"],
+        end["effect"],
         end["reason"],
         end["sure"],
         end["size"],

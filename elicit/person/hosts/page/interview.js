@@ -564,6 +564,7 @@ export function mount(root, send, options = {}) {
     const after = `${status} (${answersOf(screen.end.counts.answered)})`;
     const top = [part("p", settled ? "status good" : "status", {}, [settled ? `✓ ${after}` : after])];
     for (const said of [caution, ...remarks].filter(Boolean)) top.push(part("p", "caution", {}, [said]));
+    if (screen.end.effect) top.push(part("p", "reason", {}, [screen.end.effect]));
     if (screen.end.reason) top.push(part("p", "reason", {}, [screen.end.reason]));
     const facts = [
       ["How sure", screen.end.sure], ["How close", screen.end.size], ["Before", screen.end.before], ["Next", screen.end.next], ["You gave", screen.end.given],
@@ -824,6 +825,7 @@ const WHEN = { dateStyle: "medium", timeStyle: "short" };
 const FILES = {
   scale: "the value and range of each level",
   plan: "what follows from your answers",
+  outcomes: "the share that ends in each outcome, with your plan and with equal steps",
   answers: "each one, with both sides as you saw them, and whether it is used",
 };
 const FAULT = /contradicts|^ignored|differs/; // what a remark on an answer says that may need mending
