@@ -31,7 +31,7 @@ from elicit.person.course.counts import Counts, number_of
 from elicit.person.course.kept_in_log import CHOICES, START, Choices
 from elicit.person.course.pace import FEW_HASTY, Pace
 from elicit.person.drawing import Drawing
-from elicit.person.mending import Mending
+from elicit.person.mending import IMPLIED, Mending
 from elicit.person.next_question import NextQuestion
 from elicit.person.session import Session
 from elicit.person.showing import Shown, drawn, legend_of, practice, printable, said_of, shown_of
@@ -318,14 +318,17 @@ class Interview(Closing):
             self._log_shown(shown_now)
         self.shown = shown_now
         needed = self._questions.still_needed(conduct, shown_now.id)
-        near = self._questions.nearness(conduct)
-        self._beside.accompany(shown_now, conduct, needed, self._questions.only_checks(), near)
+        near, only = self._questions.nearness(conduct), self._questions.only_checks()
+        left = 1 + needed[1] if only and not needed[0] else 0
+        check = self._mending.check(query, left)
+        reason = IMPLIED if check == IMPLIED else ""
+        self._beside.accompany(shown_now, conduct, needed, only, near, reason)
         return {
             **screen,
             "stage": "question",
             "question": {
                 **drawn(shown_now, number_of(session.log, shown_now.id)),
-                "check": self._mending.check(query),
+                "check": check,
             },
         }
 

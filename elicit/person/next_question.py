@@ -191,6 +191,8 @@ class NextQuestion:
         """Return the question to put if the asker has none, or None at the end of the interview."""
         conduct, needed = self._session.conduct(), self._staked() is not None
         few = needed and conduct.with_verdict < self._subject.least
+        if few and (check := self._session.checking()) is not None:
+            return check  # otherwise all checks would come in a row at the end
         if needed and not few and self._session.audits and conduct.unresolved:
             few = self._session.confirming() is None  # then there is more to put again
         enough = self._subject.enough

@@ -525,7 +525,7 @@ export function mount(root, send, options = {}) {
     const sooner = screen.time.planned && (!beside.to_come || screen.budget - screen.answered <= beside.to_come[1]);
     progress.lastChild.textContent = sooner
       ? planned(screen.time, screen.saved, screen.budget - screen.answered)
-      : toCome(beside.to_come, screen.time.pace, beside.at_least);
+      : `${toCome(beside.to_come, screen.time.pace, beside.at_least)}${beside.rose ? ROSE : ""}`;
     fill(beside);
     const why = body.querySelector(".why");
     why?.querySelectorAll("p").forEach((p) => p.remove());
@@ -811,6 +811,7 @@ const RESULT = { words: "Working out your result ...", after: 50 };
 const PREPARING = "This takes a few seconds. The first start on a computer compiles, which takes up to two minutes.";
 const TRY = "Practice question: your answer is not saved.";
 const BARS = "These numbers are too large to draw circles, so the length of a bar shows how many.";
+const ROSE = " (more than it seemed before)";
 const ABOVE = "The note above says why.";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
 const UNFORESEEN = "How far each choice of time gets cannot be foreseen here. You will see it as you go.";

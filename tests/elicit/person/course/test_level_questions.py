@@ -1,5 +1,7 @@
 """Further questions: in whole numbers, undecided, about the level whose value is least known."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,14 +9,16 @@ from hypothesis import strategies as st
 
 from elicit import Answer, Answers, PolytopeComparator, PosteriorComparator, Query, Verdict
 from elicit.person.course.level_questions import (
+    WIDE,
     known_question,
     level_question,
     order_question,
     questions_left,
+    questions_to_narrow,
 )
-from elicit.person.course.ranges import value_bounds
+from elicit.person.course.ranges import value_bounds, value_ranges
 from elicit.person.showing import show
-from tests.thoroughness import examples, quick_first
+from tests.thoroughness import examples, quick_first, scaled, thorough
 
 
 def never(_: Query) -> bool:
@@ -132,3 +136,34 @@ def test_the_number_of_questions_left_is_foreseen(k: int) -> None:
     assert held >= 0.9 * points
     done = PolytopeComparator(2)
     assert questions_left(done) == (0, 0)
+
+
+def was_asked(seen: dict[str, int], query: Query) -> bool:
+    return query.id in seen
+
+
+@pytest.mark.parametrize("k", [4, 6])
+def test_as_many_questions_narrow_the_ranges_as_is_said(k: int) -> None:
+    held = []
+    for number in range(scaled(10, 160)):
+        rng = np.random.default_rng([number, 7])
+        values = np.r_[0.0, np.cumsum(rng.dirichlet(np.ones(k - 1)))]
+        knows, widths = PosteriorComparator(k, seed=number), []
+        seen: dict[str, int] = {}
+        for _ in range(31):
+            low, high = value_ranges(knows)
+            widths.append(100.0 * (high - low)[1:-1])
+            if len(widths) > 5 and (widths[-1] <= WIDE).all():
+                break
+            query = level_question(knows, 10, partial(was_asked, seen), [*seen.values()])
+            assert query is not None
+            seen[query.id] = int(query.id.split("/")[1])
+            apart = float(query.d @ values)
+            verdict = Verdict(0 if abs(apart) <= 0.03 else int(np.sign(apart)))
+            knows = knows.update(Answers.of([Answer(query, verdict)], k))
+        for n in range(5, len(widths) - 1):
+            left = next((m - n for m in range(n, len(widths)) if (widths[m] <= WIDE).all()), 99)
+            least, most = questions_to_narrow(widths[n].tolist())
+            held.append(least <= left <= most)
+    assert len(held) > scaled(10, 160)
+    assert np.mean(held) >= (0.8 if thorough() else 0.7)
