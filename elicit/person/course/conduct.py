@@ -408,6 +408,12 @@ class Repeats:
 
 
 def _behind(conduct: Conduct) -> bool:
-    """Return whether there were fewer checks than there should be by now."""
+    """Return whether there were fewer checks than there should be by now.
+
+    After "cannot tell" a check waits for another answer. Otherwise it would come between several of
+    these in a row, after which the person is offered something else.
+    """
+    if conduct.last == "cannot tell":
+        return False
     early = min(LEAST_CHECKS, (conduct.answered - 1) // _EARLY)
     return conduct.checks < max(early, conduct.answered // _EVERY) + conduct.differed

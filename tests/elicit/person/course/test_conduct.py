@@ -215,3 +215,12 @@ def test_checks_are_spread_over_a_short_session() -> None:
         log.append(Answer(query, Verdict.BETTER))
     assert asked == [3, 5, 7, 9, 11]
     assert Conduct.of([*log]).passed
+
+
+def test_a_check_does_not_come_between_answers_that_cannot_be_told() -> None:
+    log = log_of("a", "b", "a", "b", "cannot tell")
+    repeats = Repeats(log, 0.0, 1)
+    repeats.regular = True
+    assert repeats.due(conduct(log)) is None
+    log.append(Answer(Query("q", LEFT, RIGHT), Verdict.BETTER))
+    assert repeats.due(conduct(log)) is not None
