@@ -109,7 +109,7 @@ def _in_words(told: InWords, levels: Sequence[int], plan: Floats, steps: Floats,
     if same:
         return f"{said}."
     if of * apart.max() < _LEAST or (with_plan == with_steps)[levels].all():
-        return f"{said}. It would be about as many {_BY_STEPS}."
+        return f"{said}. The numbers would be about the same {_BY_STEPS}."
     others = listed([f"{with_steps[i]:,} {words[i]}" for i in levels])
     said = f"{said}. {capital(_BY_STEPS)}, it would be: {others}."
     return f"{said} {_FEWER}" if with_plan[levels[0]] < with_steps[levels[0]] else said

@@ -100,7 +100,7 @@ def test_the_result_says_how_many_end_so_beside_equal_steps() -> None:
                 assert rest == ""
             elif of * apart < 0.5 or mine == other:
                 kind = "as many"
-                assert rest.endswith(" about as many if the steps between the levels were equal.")
+                assert rest.endswith(" about the same if the steps between the levels were equal.")
             else:
                 kind = "fewer" if plan[3] < steps[3] else "more"
                 assert rest.startswith(
@@ -123,7 +123,9 @@ def test_counts_that_differ_by_rounding_only_are_called_the_same() -> None:
     assert table is not None
     assert table.rows[0][1] != table.rows[0][2]
     assert said.startswith("In the model, of 1,000 patients about ")
-    assert said.endswith(" It would be about as many if the steps between the levels were equal.")
+    assert said.endswith(
+        " The numbers would be about the same if the steps between the levels were equal."
+    )
 
 
 def test_icu_sepsis_names_its_outcomes() -> None:
