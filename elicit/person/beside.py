@@ -21,10 +21,10 @@ from elicit._support.background import Background, MadeAhead, Turns
 from elicit._support.closing import Closing
 from elicit.model.query import Answer, Query, Verdict
 from elicit.person.asker import AfterAnswer, Asker, Compares, Supposed, tell
-from elicit.person.course.choices import Choices
 from elicit.person.course.conduct import AGAIN, LEAST_CHECKS, ORDER, Conduct
 from elicit.person.course.consequences import Consequences
 from elicit.person.course.forecast import QuestionsLeft, Stated
+from elicit.person.course.kept_in_log import Choices
 from elicit.person.course.level_questions import FURTHER, LEVEL, questions_left
 from elicit.person.course.offers import nearly_from
 from elicit.person.course.pace import Pace
@@ -43,6 +43,10 @@ _FEWEST = (
     "“At least {n} more” are the answers and checks without which no result is called settled."
 )
 _AFTER_THESE = "How many follow after them depends on what you answer, and cannot be said yet."
+_ROSE = (
+    "More questions are likely than it seemed before, because your last answers left more open "
+    "than expected."
+)
 _NO_FORECAST = (
     "How many more questions follow depends on what you answer, and cannot be said yet. You can "
     "finish at any time."
@@ -241,6 +245,7 @@ class Beside(Closing):
         self._since: list[Verdict | None] = []  # verdicts since then
         self._conduct = Conduct.of(())  # before this question
         self._left = QuestionsLeft()
+        self._asks_more = chosen.more
         self._stated = Stated()
         self._near: bool | None = None  # at the last question that has notes
         self._results: tuple[tuple[Asker, Any], ...] = ()  # after the last answer
@@ -248,6 +253,7 @@ class Beside(Closing):
         self._levels_left: tuple[int, int] | None = None
         self._no_others = False  # but those that are needed
         self._may_change = False  # true if the answer to this question may make others needed
+        self._reason = ""  # for this question, if its card says why it comes
         self._needed = (0, 0)  # answers and checks that must still come after this question
 
     def start(self, steps: Iterator[None]) -> None:
@@ -344,6 +350,7 @@ class Beside(Closing):
         needed: tuple[int, int],
         no_others: bool = False,
         near: Callable[[Any], bool] | None = None,
+        reason: str = "",
     ) -> None:
         """Start the computations for the question that is now on the screen.
 
@@ -359,7 +366,11 @@ class Beside(Closing):
         near : callable, optional
             Takes a result, and returns whether little could be lost by stopping. None: this is not
             computed.
+        reason : str
+            Why the question comes, if the note on its card says so. "Why this question?" then gives
+            the same reason.
         """
+        self._reason = reason
         self._conduct, self._needed, self._no_others = conduct, needed, no_others
         session, subject, now = self._session, self._subject, self._beside
         self._may_change = not (session.is_repeat(shown.id) or shown.id.startswith(ORDER))
@@ -394,7 +405,8 @@ class Beside(Closing):
         outlook = Outlook(
             twin, shown, pending, subject.stakes, self._ends, subject.seed, before, since, counted
         )
-        outlook.stated, outlook.is_near = self._stated, near
+        outlook.stated, outlook.is_near, outlook.reason = self._stated, near, reason
+        outlook.why = (reason,) if reason else ()  # at once
         if ahead is not None and conduct.put + 1 >= nearly_from(self._chosen.offered):
             ahead.is_near, outlook.if_near = near, ahead.results
         self._beside = _Computed(shown.id, asker, ahead, outlook)
@@ -474,6 +486,7 @@ class Beside(Closing):
         outlook = now.outlook if now is not None and now.shown == id else None
         if outlook is None:
             why = [FURTHER] if id.startswith(LEVEL) and not self._chosen.more else []
+            why = [self._reason] if self._reason else why
             why = [_CHECK] if id.endswith(AGAIN) else why
             return {
                 "id": id,
@@ -498,10 +511,11 @@ class Beside(Closing):
     def _forecast(self, played: tuple[int, int] | None) -> dict[str, Any]:
         """Return the parts of a reply on the number of questions to come."""
         to_come, least = self._to_come(played), sum(self._needed)
-        said = ""
+        rose = to_come is not None and self._left.rose
+        said = _ROSE if rose else ""
         if to_come is None and self._subject.least:
             said = f"{_FEWEST.format(n=least)} {_AFTER_THESE}" if least else _NO_FORECAST
-        return {"to_come": to_come, "at_least": least, "forecast": said}
+        return {"to_come": to_come, "at_least": least, "rose": rose, "forecast": said}
 
     def _with_checks(self, number: int) -> int:
         """Return the number of questions to come: this number, and the checks that come with it."""
@@ -520,10 +534,13 @@ class Beside(Closing):
         """
         put, least = self._conduct.put, sum(self._needed)
         if self._no_others:
-            if not self._may_change or self._subject.enough is None:
-                return [least, least]
-            shown = self._left.shown((least, least + _UNTIL_SURE), put, least)
+            may = self._may_change or self._needed[0] or self._conduct.unresolved
+            certain = not may or self._subject.enough is None
+            most = least if certain else least + _UNTIL_SURE
+            shown = self._left.shown((least, most), put, least, certain)
             return None if shown is None else [*shown]
+        if self._chosen.more != self._asks_more:  # what was shown before was about less
+            self._asks_more, self._left = self._chosen.more, QuestionsLeft()
         found = None
         if self._chosen.more:
             if self._levels_left is None:

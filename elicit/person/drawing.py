@@ -13,7 +13,6 @@ from elicit._support.distribution import version
 from elicit.model.comparator_parts import trusted_share
 from elicit.model.query import Verdict
 from elicit.person.asker import Compares, Supposed
-from elicit.person.course.choices import Choices
 from elicit.person.course.conclusion import (
     Conclusion,
     per_hundred,
@@ -30,6 +29,7 @@ from elicit.person.course.counts import (
 )
 from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
+from elicit.person.course.kept_in_log import Choices
 from elicit.person.course.pace import Pace
 from elicit.person.findings import certainty, guess_in_words, scale_notes, scale_rows
 from elicit.person.next_question import NextQuestion
@@ -51,6 +51,7 @@ from elicit.tutors.answer_log import Entry
 MINUTES = (5, 10, 20)
 """Minutes that the welcome offers."""
 
+_TABLES = ("scale", "plan", "outcomes", "answers")  # that can be downloaded
 _TELLS = 50  # width of a range, of 100, up to which it is said under a choice in a conflict
 _IF_MEANT = "if every answer is meant as it was given"
 
@@ -299,8 +300,8 @@ class Drawing:
 
     def download(self, what: str, format: str) -> dict[str, Any]:
         """Return a table as a file. Raises ValueError for another table or format."""
-        if format not in ("csv", "json") or what not in ("scale", "plan", "answers"):
-            raise ValueError("what is scale, plan or answers, and format csv or json")
+        if format not in ("csv", "json") or what not in _TABLES:
+            raise ValueError("what is scale, plan, outcomes or answers, and format csv or json")
         rows = self.table(what)
         text = as_csv(rows) if format == "csv" else as_json(rows)
         now = datetime.now(UTC)
@@ -341,7 +342,8 @@ class Drawing:
                 }
                 for row in self.end(False)["scale"]
             ]
-        found = self._concluded().result
+        concluded = self._concluded()
+        found = concluded.result if what == "plan" else concluded.outcomes
         if found is None:
             return []
         return [dict(zip(found.columns, row, strict=True)) for row in found.rows]
@@ -373,11 +375,12 @@ class Drawing:
         after = f"{found.next} {found.more if left else ''}".strip()
         start = self._questions.at_start() if found.headline else None
         size, sure, before, reason = found.size, found.sure, found.before, found.reason
+        effect = found.effect
         changes, plan = found.changes, found.plan
         may_be_near = found.headline and not found.settled and caution is None
         nearly = self._questions.nearly(conduct) if may_be_near else None
         if not conduct.with_verdict and start is not None and not start.finished:
-            size = sure = reason = ""
+            size = sure = reason = effect = ""
             changes, plan = None, None  # there is nothing yet that could hold or change
             after = found.more if left else ""
             before = "" if start.loss is None else self._before(start.loss)
@@ -393,7 +396,7 @@ class Drawing:
             after = f"A few more answers can change that. {after}" if left else after
             if_meant = f"If every answer is meant as it was given: {found.headline} {found.sure}"
             said.append(if_meant.strip())
-            size = sure = before = reason = ""
+            size = sure = before = reason = effect = ""
         elif nearly is not None:
             headline, sure, size = f"{nearly.heading}.", nearly.text, nearly.size
             checks = "" if conduct.passed else " More answers would also check those you gave."
@@ -414,6 +417,7 @@ class Drawing:
         settled = found.settled and caution is None and enough
         return {
             "headline": printable(headline),
+            "effect": printable(effect),
             "reason": printable(reason),
             "source": printable(subject.source),
             "size": printable(size),
@@ -446,6 +450,7 @@ class Drawing:
                 for what, name in (
                     ("scale", "Scale" if scale else ""),
                     ("plan", found.result.title if found.result is not None else ""),
+                    ("outcomes", found.outcomes.title if found.outcomes is not None else ""),
                     ("answers", "Answers"),
                 )
                 if name

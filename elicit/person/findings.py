@@ -13,7 +13,8 @@ from elicit.model.comparator_parts import best_guess, trusted_share, unordered_o
 from elicit.model.difference import tail_sums
 from elicit.model.outcomes import assumed_of_answers
 from elicit.person.course.conclusion import listed
-from elicit.person.course.level_questions import draws_again, value_ranges
+from elicit.person.course.level_questions import WIDE, questions_to_narrow
+from elicit.person.course.ranges import draws_again, value_ranges
 from elicit.person.showing import printable
 from elicit.tutors.answer_log import Entry
 
@@ -24,7 +25,17 @@ _MOST_OF_ROOM = 1 / 3  # share of the room between the neighbours that a wider r
 
 _NOT_KNOWN = "“Not known yet” (no dot): no answer is about it, or none narrows its range."
 _ROUGHLY = "“About” (hollow dot): a rough best guess, in a wide range."
-_FOR_SLIPS = "Any one answer may be a slip, so a range stays wide until several answers agree."
+_FOR_MISTAKES = (
+    "Any one answer may be a mistake, so a range stays wide until several answers agree."
+)
+_WIDE_BUT_HEARD = (
+    "{named} still {has} a wide range although you answered about {it}, because any one answer may "
+    "be a mistake."
+)
+_WIDE_FOR_FEW = "{named} still {has} a wide range, because few answers are about {it}."
+_NARROWING = (
+    "About {questions} more questions about levels would narrow every range to {width:.0f} or less."
+)
 OVERLAP = (
     "Ranges may overlap although the order is fixed: a better level is never worth less than a "
     "worse one."
@@ -70,13 +81,14 @@ def scale_notes(rows: Sequence[ScaleRow], comparator: Comparator, settled: bool)
     ``settled`` is True if the result is settled.
     """
     hollow = [row for row in rows if not row.known]
-    notes = []
+    errs = trusted_share(comparator) is not None or wrong_of(comparator) > 0
+    notes = _on_wide(rows, comparator)
     if not all(row.rough for row in hollow):
         notes.append(_NOT_KNOWN)
     if any(row.rough for row in hollow):
         notes.append(_ROUGHLY)
-        if trusted_share(comparator) is not None or wrong_of(comparator) > 0:
-            notes.append(_FOR_SLIPS)
+        if errs and not any(map(_is_wide, rows)):
+            notes.append(_FOR_MISTAKES)
     if hollow:
         it = "it" if len(hollow) == 1 else "them"
         named = listed([f"“{row.label}”" for row in hollow])
@@ -87,6 +99,28 @@ def scale_notes(rows: Sequence[ScaleRow], comparator: Comparator, settled: bool)
     if overlap(rows):
         notes.append(OVERLAP)
     return notes
+
+
+def _is_wide(row: ScaleRow) -> bool:
+    """Return whether a range is wide although answers are about the level."""
+    return row.asked and row.high - row.low > WIDE
+
+
+def _on_wide(rows: Sequence[ScaleRow], comparator: Comparator) -> list[str]:
+    """Return a sentence on why ranges that answers are about are wide, and what narrows them."""
+    wide = [row for row in rows if _is_wide(row)]
+    if not wide:
+        return []
+    sure = trusted_share(comparator) is not None
+    each = [f"“{row.label}” ({row.low:.0f} to {row.high:.0f})" for row in wide]
+    words = {"has": "has", "it": "it"} if len(wide) == 1 else {"has": "have", "it": "them"}
+    because = _WIDE_BUT_HEARD if sure or wrong_of(comparator) > 0 else _WIDE_FOR_FEW
+    said = because.format(named=listed(each), **words)
+    if not sure:  # how many questions it takes was measured for a posterior
+        return [said]
+    least, most = questions_to_narrow([row.high - row.low for row in rows])
+    questions = f"{least} to {most}" if least < most else f"{most}"
+    return [f"{said} {_NARROWING.format(questions=questions, width=WIDE)}"]
 
 
 def overlap(rows: Sequence[ScaleRow]) -> bool:

@@ -26,13 +26,12 @@ from elicit.model.comparator import Comparator
 from elicit.person.asker import Compares
 from elicit.person.beside import Beside, Company, in_minutes
 from elicit.person.course import offers
-from elicit.person.course.choices import CHOICES, Choices
 from elicit.person.course.conduct import Conduct
 from elicit.person.course.counts import Counts, number_of
+from elicit.person.course.kept_in_log import CHOICES, START, Choices
 from elicit.person.course.pace import FEW_HASTY, Pace
-from elicit.person.course.start import START
 from elicit.person.drawing import Drawing
-from elicit.person.mending import Mending
+from elicit.person.mending import IMPLIED, Mending
 from elicit.person.next_question import NextQuestion
 from elicit.person.session import Session
 from elicit.person.showing import Shown, drawn, legend_of, practice, printable, said_of, shown_of
@@ -248,7 +247,7 @@ class Interview(Closing):
 
         Parameters
         ----------
-        what : {"scale", "plan", "answers"}
+        what : {"scale", "plan", "outcomes", "answers"}
 
         Returns
         -------
@@ -319,14 +318,17 @@ class Interview(Closing):
             self._log_shown(shown_now)
         self.shown = shown_now
         needed = self._questions.still_needed(conduct, shown_now.id)
-        near = self._questions.nearness(conduct)
-        self._beside.accompany(shown_now, conduct, needed, self._questions.only_checks(), near)
+        near, only = self._questions.nearness(conduct), self._questions.only_checks()
+        left = 1 + needed[1] if only and not needed[0] else 0
+        check = self._mending.check(query, left)
+        reason = IMPLIED if check == IMPLIED else ""
+        self._beside.accompany(shown_now, conduct, needed, only, near, reason)
         return {
             **screen,
             "stage": "question",
             "question": {
                 **drawn(shown_now, number_of(session.log, shown_now.id)),
-                "check": self._mending.check(query),
+                "check": check,
             },
         }
 
@@ -425,11 +427,11 @@ class Interview(Closing):
         if not self._slipped:
             return self._screen("That is how it works. Now the real questions.")
         worst, best = (printable(self._subject.labels[i]) for i in (0, -1))
-        slip = ""
+        mistake = ""
         if choice in ("a", "b"):
-            slip = f"Everyone in {choice.upper()} is “{worst}”: perhaps that was a slip. "
+            mistake = f"Everyone in {choice.upper()} is “{worst}”: perhaps that was a mistake. "
         return self._screen(
-            f"Most people choose {obvious.upper()}, because everyone in it is “{best}”. {slip}"
+            f"Most people choose {obvious.upper()}, because everyone in it is “{best}”. {mistake}"
             "You can try again, or go on: this is the first real question."
         )
 

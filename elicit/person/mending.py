@@ -11,24 +11,27 @@ from typing import Any
 
 from elicit.model.query import Query, Verdict
 from elicit.person.asker import Compares
-from elicit.person.course.choices import Choices
 from elicit.person.course.conduct import IN_CONFLICT, ORDER, differs, was_settled
 from elicit.person.course.counts import KEPT, status_of
+from elicit.person.course.kept_in_log import Choices
 from elicit.person.course.level_questions import purpose_of
 from elicit.person.drawing import Drawing
 from elicit.person.session import Session
-from elicit.person.showing import Subject, printable
+from elicit.person.showing import Subject, printable, shown_of
 from elicit.tutors.answer_log import REPEATS, Entry
 
-_AGAIN = (
-    "Check question: you answered this one before, perhaps with the sides the other way round. "
-    "Choose as you see it now."
+_AGAIN = "Check question: the same as question {n}, with the sides {how}. Choose as you see it now."
+_SWAPPED = {True: "swapped", False: "as they were"}
+_ONLY_CHECKS = (
+    " Nothing new needs to be asked, so the checks that are left come now: {n} with this one."
 )
 _ORDER = "Check question: this one is about the order of the levels."
 # not called a check: the result does not count it as one
-_IMPLIED = (
-    "Your earlier answers already suggest an answer to this one. Asking it guards against slips."
+IMPLIED = (
+    "If all your answers so far are right, they already answer this one. We ask it because any one "
+    "of them may be a mistake."
 )
+"""The reason for a question whose answer follows from others."""
 _CHECK_TAKEN_BACK = (
     "This is the same check again, because you took back your answer to it. Your first answer to "
     "this question still stands. Choose as you see it now."
@@ -61,15 +64,22 @@ class Mending:
         self._session, self._subject = session, subject
         self._chosen, self._drawing = chosen, drawing
 
-    def check(self, query: Query) -> str:
-        """Return a sentence on why a question comes that looks answered already, or ""."""
+    def check(self, query: Query, only_checks: int = 0) -> str:
+        """Return sentences on why a question comes that looks answered already, or "".
+
+        Parameters
+        ----------
+        query : Query
+        only_checks : int
+            Number of questions left, this one included, if all of them are checks, otherwise 0.
+        """
         gone = [
             status_of(entry)
             for entry in self._session.log
             if entry.answer.query.id == query.id and entry.retracted and not was_settled(entry)
         ]
         if self._session.is_repeat(query.id):
-            return _CHECK_TAKEN_BACK if gone else _AGAIN
+            return _CHECK_TAKEN_BACK if gone else self._again(query, only_checks)
         if gone:
             return _NOT_KEPT if gone[-1] == "not kept" else _TAKEN_BACK
         if query.id.startswith(ORDER):
@@ -78,7 +88,16 @@ class Mending:
             return ""
         if not self._session.implied(query):
             return self._purpose_of(query)
-        return _IMPLIED
+        return IMPLIED
+
+    def _again(self, query: Query, only_checks: int) -> str:
+        """Return sentences on an earlier question that is put again, and on why it comes now."""
+        first = self._session.first_answer(query)
+        assert first is not None
+        swapped = shown_of(self._subject, query).swapped != first.swapped
+        n = self._drawing.number_of(first.query.id)
+        said = _AGAIN.format(n=n, how=_SWAPPED[swapped])
+        return f"{said}{_ONLY_CHECKS.format(n=only_checks)}" if only_checks > 1 else said
 
     def _purpose_of(self, query: Query) -> str:
         """Return sentences on the purpose of a question about a level, if nothing else is open."""

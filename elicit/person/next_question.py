@@ -12,13 +12,12 @@ from typing import Any
 
 from elicit.model.query import Query
 from elicit.person.asker import Compares
-from elicit.person.course.choices import Choices
 from elicit.person.course.conclusion import NearlyEnough
 from elicit.person.course.conduct import IN_CONFLICT, ORDER, SETTLED, Conduct
 from elicit.person.course.counts import status_of
+from elicit.person.course.kept_in_log import Before, Choices, Start
 from elicit.person.course.level_questions import known_question, level_question, order_question
 from elicit.person.course.offers import NEARLY_FROM, may_be_near
-from elicit.person.course.start import Before, Start
 from elicit.person.findings import asked_levels
 from elicit.person.session import Session
 from elicit.person.showing import Subject, near_in_whole_numbers, shown_of
@@ -192,6 +191,8 @@ class NextQuestion:
         """Return the question to put if the asker has none, or None at the end of the interview."""
         conduct, needed = self._session.conduct(), self._staked() is not None
         few = needed and conduct.with_verdict < self._subject.least
+        if few and (check := self._session.checking()) is not None:
+            return check  # otherwise all checks would come in a row at the end
         if needed and not few and self._session.audits and conduct.unresolved:
             few = self._session.confirming() is None  # then there is more to put again
         enough = self._subject.enough

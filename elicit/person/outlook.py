@@ -22,7 +22,7 @@ from elicit.person.asker import Asker, Compares, tell
 from elicit.person.course.conclusion import listed
 from elicit.person.course.conduct import LEAST_CHECKS
 from elicit.person.course.forecast import Stated, rise
-from elicit.person.course.level_questions import value_ranges
+from elicit.person.course.ranges import value_ranges
 from elicit.person.showing import Shown, printable
 from elicit.tutors.erring_tutor import says_left
 
@@ -40,7 +40,7 @@ _SECONDS_OF_PROSPECTS = 60.0  # time limit of all of them, except for a last ste
 _CHECKS = 5
 _NO_DIFFERENCE = 1e-12
 _WIDEN = (
-    "Any one answer may be a slip: a range narrows once several agree, and may widen after an "
+    "Any one answer may be a mistake: a range narrows once several agree, and may widen after an "
     "answer that was not expected."
 )
 
@@ -109,6 +109,8 @@ class Outlook:
         """Takes ``twin.result()``, and returns ``near``. It is set before ``steps``, if at all."""
         self.if_near: Callable[[], Iterator[None]] = lambda: iter(())
         """Returns steps to go through if ``near``. It is set before ``steps``, if at all."""
+        self.reason = ""
+        """Why the question comes, if that is not what is open. It is set before ``steps``."""
         self.stated = Stated()
         """The loss that was last stated to the person. It is set before ``steps``."""
         self.why: tuple[str, ...] = ()
@@ -150,7 +152,9 @@ class Outlook:
             self._plays = self._before._going_on(self._answered)
             self._before = None  # releases the earlier outlooks too
         known = self._twin.comparator if isinstance(self._twin, Compares) else None
-        if known is not None:
+        if self.reason:
+            self.why = (self.reason,)
+        elif known is not None:
             sentence = what_is_open(self._shown, known)
             self.why = () if sentence is None else (sentence,)
             yield

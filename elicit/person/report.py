@@ -250,7 +250,7 @@ def _headline(end: Mapping[str, Any]) -> Iterator[str]:
         yield f'<p class="headline">{escaped(end["headline"])}</p>'
     if end.get("caution"):
         yield f'<p class="caution">{escaped(end["caution"])}</p>'
-    for name in ("reason", "sure", "size", "before"):
+    for name in ("effect", "reason", "sure", "size", "before"):
         if end.get(name):
             yield f"<p>{escaped(end[name])}</p>"
     for said in end.get("remarks", ()):

@@ -225,7 +225,9 @@ class Session(Closing):
         return next(iter(self._pending().values()), None)
 
     def check_regularly(self) -> None:
-        """Put an earlier question again after every fourth answer, and after a repeat differed.
+        """Put an earlier question again regularly, and after a repeat differed.
+
+        One comes after every fourth answer, and after every second one until there are five checks.
 
         If the session was made with ``audit=0``, none is put again.
         """
@@ -291,6 +293,10 @@ class Session(Closing):
     def is_repeat(self, id: str) -> bool:
         """Return whether the pending query with this id is an earlier question put again."""
         return self._repeats.names(id) and id not in self._pending()
+
+    def first_answer(self, query: Query) -> Answer | None:
+        """Return the answer given the first time to a query that is put again, or None."""
+        return self._repeats.first_answer(query)
 
     def shown(self, id: str, swapped: bool = False, **how: Any) -> None:
         """Log that a pending question is shown to the person, and how.

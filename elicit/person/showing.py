@@ -62,6 +62,10 @@ class Words:
     source
         Where the problem's figures come from, as words that follow "The figures come from", such as
         "the 2019 hip registry".
+    ends
+        What becomes of a unit that ends at each of the k levels, worst first, as words that follow
+        a number of units, such as "die". "" for a level at which nothing ends. With them the result
+        of a plan says how many end so.
     """
 
     unit: str = "days"
@@ -76,6 +80,7 @@ class Words:
     note: str = ""
     loss: str = ""
     source: str = ""
+    ends: tuple[str, ...] = ()
 
     @property
     def source_sentence(self) -> str:

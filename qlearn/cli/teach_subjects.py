@@ -223,8 +223,8 @@ def _facts(
     assumed = {
         "polytope": "It assumes that every answer you gave is right. One wrong answer can make it "
         "wrong.",
-        "posterior": "The 95% allows for slips. It is an average over many possible people, not a "
-        "promise for each of them.",
+        "posterior": "The 95% allows for mistakes. It is an average over many possible people, not "
+        "a promise for each of them.",
     }
     limits = [assumed[comparator]] if comparator in assumed else []
     limits.append("Only the outcomes that were shown are compared, and nothing else about them.")
@@ -300,6 +300,7 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
         "match.",
         note="For research on algorithms. Not medical advice.",
         loss="{n} patients died instead of recovering",
+        ends=("die", "", "", "", "", "recover"),
     )
     return entry.factory(), words, legend
 
@@ -396,7 +397,7 @@ def _words_of(path: Path, labels: tuple[str, ...]) -> tuple[Words, str]:
         said = json.loads(beside.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{beside} is no JSON: {error}") from None
-    known = [field.name for field in fields(Words)]
+    known = [field.name for field in fields(Words) if field.name != "ends"]  # nothing follows
     if not isinstance(said, dict) or not set(said) <= set(known):
         raise ValueError(
             f"{beside} must hold one object with some of the names {', '.join(known)}, and levels "

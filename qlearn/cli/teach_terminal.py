@@ -229,11 +229,10 @@ class Terminal:
         if beside["to_come"] is None:
             return f" (at least {beside['at_least']} more)" if beside["at_least"] else ""
         least, most = beside["to_come"]
-        return (
-            f" (about {f'{least} to {most}' if least < most else most} more)"
-            if most
-            else " (close to the end)"
-        )
+        if not most:
+            return " (close to the end)"
+        rose = ", more than it seemed before" if beside["rose"] else ""
+        return f" (about {f'{least} to {most}' if least < most else most} more{rose})"
 
     def _report(self, screen: dict[str, Any]) -> None:
         say_report(screen, self._width)
@@ -305,6 +304,7 @@ def report_lines(screen: dict[str, Any], width: int) -> list[str]:
     said = (
         end["headline"],
         end["caution"],
+        end["effect"],
         end["reason"],
         end["sure"],
         end["size"],

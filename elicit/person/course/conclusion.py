@@ -43,6 +43,18 @@ class ResultTable:
     mark: str = ""
 
 
+class DataTable(NamedTuple):
+    """A table to download, whose numbers stay numbers.
+
+    ``title`` is the one name that screens and files give it, such as "Plan". None is a cell without
+    a value.
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str | float | None, ...], ...]
+
+
 @dataclass(frozen=True)
 class Conclusion:
     """Conclusions in words.
@@ -54,6 +66,9 @@ class Conclusion:
     reason
         Why that is so, and by how much, as far as it holds for every plausible scale; "" if there
         is nothing to say of it.
+    effect
+        What the result does, in numbers such as how many of 1,000 patients recover; "" if there is
+        nothing to say of it.
     size
         How much the loss in the headline is, in the problem's own unit; "" if unknown.
     sure
@@ -71,8 +86,9 @@ class Conclusion:
     plan
         The action in every state, as a table.
     result
-        The result as a table to download. Its title is the one name that screens and files give
-        it, such as "Plan".
+        The result as a table to download.
+    outcomes
+        The numbers in ``effect`` as a table to download, or None.
     settled
         True if at most the tolerance can still be lost.
     early
@@ -82,6 +98,7 @@ class Conclusion:
 
     headline: str = ""
     reason: str = ""
+    effect: str = ""
     size: str = ""
     sure: str = ""
     next: str = ""
@@ -90,7 +107,8 @@ class Conclusion:
     statements: tuple[str, ...] = ()
     changes: ResultTable | None = None
     plan: ResultTable | None = None
-    result: ResultTable | None = None
+    result: DataTable | ResultTable | None = None
+    outcomes: DataTable | None = None
     settled: bool = False
     early: str = ""
 

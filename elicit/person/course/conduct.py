@@ -48,9 +48,15 @@ LEAST_CHECKS = 5
 """Checks before the end. Answers by chance pass this many in at most 1 of 32 cases."""
 MOST_CHECKS = 11
 """A person who has not passed after this many checks is told so."""
+_SHOWS_LITTLE = "So these checks do not show yet whether you meant your answers."
+_SHOWS_SOME = "So these checks speak for your answers. More of them would be more convincing."
+_SHOWS_MUCH = "So these checks show that your answers were hardly given at random."
 _RARE = 25  # cases: answers by chance that do so well in one of more are rare
 _MORE_ALIKE = 2  # further checks that must be answered alike for each that was not
 _EVERY = 4  # answers for each check, where the interview wants some
+# the same until there are LEAST_CHECKS, without which it does not end: otherwise most of these
+# would come in a row at the end
+_EARLY = 2
 AGAIN = " again"  # suffix of the id of a query that is put again
 
 
@@ -232,14 +238,14 @@ class Conduct:
             if n == 1 and not alike:
                 answered = "was answered against it"
             said.append(f"{asked} the order of the levels, and {answered}.")
-        cases, every = self.cases, "both" if self.checks == 2 else f"all {self.checks}"
-        well = f"pass {every} checks" if self.checks > 1 and not self.differed else "do as well"
+        cases, by_coin = self.cases, "Somebody who chose by tossing a coin would do as well in"
         if cases < 2:
-            half = "Answers given by chance do as well in half of all interviews or more."
-            return " ".join([*said, half])
-        said.append(f"Answers given by chance {well} in 1 of {cases} interviews.")
-        if cases < _RARE:
-            said.append("More checks would tell more.")
+            said += [f"{by_coin} half of all interviews or more.", _SHOWS_LITTLE]
+            return " ".join(said)
+        said.append(f"{by_coin} 1 of {cases} interviews.")
+        said.append(
+            _SHOWS_MUCH if cases >= _RARE else _SHOWS_SOME if cases >= _FEW else _SHOWS_LITTLE
+        )
         return " ".join(said)
 
     @property
@@ -320,8 +326,8 @@ class Repeats:
         self._log = log
         self._share = share
         self.regular = False
-        """True if a question is also put again after every fourth answer, and after each repeat
-        that was answered otherwise."""
+        """True if a question is also put again after every fourth answer, after every second one
+        until there are five checks, and after each repeat that was answered otherwise."""
         self._key = fold(key_of(seed), name_code("questions put again"))
 
     def due(self, conduct: Conduct) -> Query | None:
@@ -402,5 +408,12 @@ class Repeats:
 
 
 def _behind(conduct: Conduct) -> bool:
-    """Return whether there were fewer checks than there should be by now."""
-    return conduct.checks < conduct.answered // _EVERY + conduct.differed
+    """Return whether there were fewer checks than there should be by now.
+
+    After "cannot tell" a check waits for another answer. Otherwise it would come between several of
+    these in a row, after which the person is offered something else.
+    """
+    if conduct.last == "cannot tell":
+        return False
+    early = min(LEAST_CHECKS, (conduct.answered - 1) // _EARLY)
+    return conduct.checks < max(early, conduct.answered // _EVERY) + conduct.differed

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 _SLACK = 2  # questions, and a share of those left, by which a forecast may be off and stays:
 _SHARE_OF_SLACK = 0.25
+_RECENT = 2  # earlier questions whose forecasts are within the shown range as well
 _ESTIMATE = 0.07
 """The share by which a loss varies, because it is estimated from a sample of plausible scales. It
 was measured with ten answers about ICU-Sepsis, learned with four seeds: at most 7% from the least
@@ -15,15 +16,21 @@ to the greatest."""
 class QuestionsLeft:
     """The range of the number of questions still to come, as it is shown.
 
-    New forecasts come with every question. The shown range is kept, and its ends count down, as
-    long as it is not off by much: by two questions, or by a quarter of those left.
+    New forecasts come with every question, and vary. The shown range includes those of the last
+    three questions. It is kept, and its ends count down, as long as it is not off by much: by two
+    questions, or by a quarter of those left.
     """
 
     def __init__(self) -> None:
-        self._total: tuple[int, int] | None = None  # questions in all, the least and the most
+        self._totals: list[_Total] = []  # the newest forecasts, each of another question
+        self._now = -1  # the question that is asked
+        self._before: tuple[int, int] | None = None  # as shown at the question before
+        self._shown: tuple[int, int] | None = None  # questions in all, the least and the most
+        self.rose = False
+        """True if the range at this question exceeds the one shown before, by more than a bit."""
 
     def shown(
-        self, to_come: tuple[int, int] | None, put: int, least: int
+        self, to_come: tuple[int, int] | None, put: int, least: int, certain: bool = False
     ) -> tuple[int, int] | None:
         """Return the range to show, or None if nothing is known.
 
@@ -35,6 +42,8 @@ class QuestionsLeft:
             Number of questions before this one.
         least : int
             Number of questions that must come after this one.
+        certain : bool
+            True if ``to_come`` is no forecast, but known. Earlier forecasts do not count then.
 
         Returns
         -------
@@ -42,18 +51,36 @@ class QuestionsLeft:
             The second one is at least ``least``.
         """
         now = put + 1
-        kept = self._total
+        if now != self._now:
+            self._now, self._before = now, self._shown
+        self._totals = [one for one in self._totals if one.put < now][-_RECENT:]
+        kept = before = self._before
         if kept is not None and kept[1] < now + least:
             kept = None  # more questions came than it said
         if to_come is not None:
-            found = now + max(to_come[0], least), now + max(to_come[1], least)
-            slack = max(_SLACK, _SHARE_OF_SLACK * (found[1] - now))
-            if kept is None or abs(found[1] - kept[1]) > slack or found[0] > kept[1]:
-                kept = found
-        self._total = kept
+            if certain:
+                self._totals.clear()
+            new = _Total(now, now + max(to_come[0], least), now + max(to_come[1], least))
+            self._totals.append(new)
+            low = max(now + least, min(one.low for one in self._totals))
+            high = max(one.high for one in self._totals)
+            slack = 0.0 if certain else max(_SLACK, _SHARE_OF_SLACK * (high - now))
+            off = kept is not None and max(abs(high - kept[1]), kept[0] - low) > slack
+            if kept is None or off or new.low > kept[1]:
+                kept = low, high
+        self._shown = kept
+        self.rose = bool(kept and before and kept[1] > before[1])
         if kept is None:
             return None
         return max(kept[0] - now, least), kept[1] - now
+
+
+class _Total(NamedTuple):
+    """A forecast of the number of questions in all, made at a question."""
+
+    put: int
+    low: int
+    high: int
 
 
 class Stated(NamedTuple):

@@ -265,7 +265,9 @@ def _told(one: PersonFound) -> Iterator[str]:
     end = one.end
     yield f'<p><span class="mark">{escaped(one.who)}</span>: {escaped(counted(end["counts"]))}</p>'
     said = [
-        end[part] for part in ("headline", "caution", "sure", "size", "before") if end.get(part)
+        end[part]
+        for part in ("headline", "caution", "effect", "sure", "size", "before")
+        if end.get(part)
     ]
     said += [*end["remarks"], *end["statements"]]
     lines = "".join(f"<p>{escaped(sentence.strip())}</p>" for sentence in said)

@@ -17,6 +17,7 @@ from elicit.model.scale import Floats
 from elicit.person.course.conclusion import (
     NO_LOSS,
     Conclusion,
+    DataTable,
     NearlyEnough,
     ResultTable,
     in_plural,
@@ -25,7 +26,7 @@ from elicit.person.course.conclusion import (
     up_to,
     with_probability,
 )
-from elicit.person.course.level_questions import draws_again, ranges_of
+from elicit.person.course.ranges import draws_again, ranges_of
 from elicit.person.showing import printable
 from qlearn.cli.conclusions.in_words import (
     InWords,
@@ -58,6 +59,20 @@ class _Ahead(NamedTuple):
     guess: Floats
     least: Floats
     confidence: float
+
+
+class _Worth(NamedTuple):
+    """The value of each alternative (n,), from 0 to 1: the best guess, and its range.
+
+    ``narrow`` says where the range is narrow enough for the best guess to be said. ``order`` has
+    the alternatives, best first.
+    """
+
+    guess: Floats
+    low: Floats
+    high: Floats
+    narrow: list[bool]
+    order: list[int]
 
 
 def choice_conclusion(
@@ -94,7 +109,6 @@ def choice_conclusion(
     ahead = _ahead(names, shares, result)
     mark = (_BEST if _best_word(result) == _BEST else "chosen") if settled else "best guess"
     worth = _worth(told, names, shares, result, ahead, mark)
-    rows = tuple((row[0], *row[-3:], "chosen" if row[0] == best else "") for row in worth.rows)
     return Conclusion(
         headline=headline,
         reason=_reason(told, names, shares, result, ahead),
@@ -104,7 +118,7 @@ def choice_conclusion(
         more=more,
         before=unasked,
         changes=worth,
-        result=ResultTable("Choice", ("alternative", "worth", "range", "behind", "choice"), rows),
+        result=_to_keep(names, shares, result, ahead),
         settled=settled,
         early=f"By your answers so far “{best}” is {_best_word(result)}. They are not checked yet.",
     )
@@ -213,6 +227,14 @@ def _among(direction: Floats, others: Floats) -> bool:
     """Return whether a direction (k-1,) or its opposite is among others (n, k-1)."""
     apart = [np.abs(others - way * direction).max(axis=1, initial=0.0) for way in (1, -1)]
     return bool((np.minimum(*apart) < 1e-6).any())
+
+
+def _worth_of(shares: Floats, result: Choice) -> _Worth:
+    """Return the value of each alternative as it is shown."""
+    low, high = ranges_of(result.comparator, shares, draws_again(result.comparator))
+    low, high, points = np.maximum(low, 0.0), np.minimum(high, 1.0), _points(shares, result)
+    order = np.argsort(-points, kind="stable").tolist()
+    return _Worth(points, low, high, (high - low <= _NARROW).tolist(), order)
 
 
 def _points(shares: Floats, result: Choice) -> Floats:
@@ -335,27 +357,24 @@ def _worth(
     The choice is marked by ``mark``.
     """
     labels = told.labels
-    low, high = ranges_of(result.comparator, shares, draws_again(result.comparator))
-    points = _points(shares, result)
-    order = np.argsort(-points, kind="stable").tolist()
-    narrow = np.minimum(high, 1.0) - np.maximum(low, 0.0) <= _NARROW
+    worth = _worth_of(shares, result)
+    low, high = worth.low, worth.high
+    points, order, narrow = worth.guess, worth.order, worth.narrow
     best = list(names).index(result.name)
     rows = tuple(
         (
             printable(names[i]),
             *(f"{100 * share:.3g}" for share in shares[i, ::-1]),
             f"{100 * points[i]:.0f}" if narrow[i] else "not known yet",
-            f"{100 * max(low[i], 0.0):.0f} to {100 * min(high[i], 1.0):.0f}",
+            f"{100 * low[i]:.0f} to {100 * high[i]:.0f}",
             "0" if i == best else _behind(told, ahead, i),
         )
         for i in order
     )
-    unknown = (
-        "" if narrow.all() else " The worth is not known yet where the range is wider than 50."
-    )
+    unknown = "" if all(narrow) else " The worth is not known yet where the range is wider than 50."
     sure = with_probability(ahead.confidence) or ("" if np.isnan(ahead.confidence) else _EVERY)
     together = f", and in brackets the least ({sure}, all together)" if sure else ""
-    above = np.minimum(np.delete(high, best), 1.0) - max(low[best], 0.0)
+    above = np.delete(high, best) - low[best]
     apart = float(above.max(initial=0.0))
     # shown where the ranges alone would allow a greater loss than the bound
     overlap = (
@@ -379,6 +398,39 @@ def _worth(
         marked=order.index(best),
         mark=mark,
     )
+
+
+def _to_keep(names: Sequence[str], shares: Floats, result: Choice, ahead: _Ahead) -> DataTable:
+    """Return the worth of each alternative as a table to download. Numbers are of 100.
+
+    ``worth`` is empty where the range is too wide for a best guess. ``behind_at_least`` is below 0
+    where an alternative may be ahead of the choice, and empty where nothing bounds that.
+    """
+    worth = _worth_of(shares, result)
+    rows = tuple(
+        (
+            printable(names[i]),
+            _in_hundredths(worth.guess[i]) if worth.narrow[i] else None,
+            _in_hundredths(worth.low[i]),
+            _in_hundredths(worth.high[i]),
+            _in_hundredths(ahead.guess[i]),
+            None if math.isnan(ahead.confidence) else _rounded_down(ahead.least[i]),
+            "chosen" if names[i] == result.name else "",
+        )
+        for i in worth.order
+    )
+    columns = ("alternative", "worth", "low", "high", "behind", "behind_at_least", "choice")
+    return DataTable("Choice", columns, rows)
+
+
+def _in_hundredths(share: float) -> float:
+    """Return a share of the value range as a number of 100, to two decimals."""
+    return round(100.0 * float(share), 2) + 0.0  # which is never -0
+
+
+def _rounded_down(share: float) -> float:
+    """Return a lower bound on a share of the value range as a number of 100, to two decimals."""
+    return math.floor(1e4 * float(share) + 1e-9) / 100.0
 
 
 def _behind(told: InWords, ahead: _Ahead, i: int) -> str:

@@ -13,13 +13,14 @@ from elicit.model.outcomes import Status
 from elicit.person.course.conclusion import (
     NO_LOSS,
     Conclusion,
+    DataTable,
     NearlyEnough,
     ResultTable,
     per_hundred,
     up_to,
     with_probability,
 )
-from elicit.person.course.level_questions import draws_again, value_ranges
+from elicit.person.course.ranges import draws_again, value_ranges
 from elicit.person.showing import printable
 from qlearn.cli.conclusions.decided_plan import DecidedPlan, DecidedPlans
 from qlearn.cli.conclusions.in_words import (
@@ -31,6 +32,7 @@ from qlearn.cli.conclusions.in_words import (
     sure_of,
     until,
 )
+from qlearn.cli.conclusions.outcomes import outcomes_of
 from qlearn.learners.learner import Result
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
@@ -99,9 +101,11 @@ def policy_conclusion(
             f"keeps what is best with {_STEPS}."
         )
     why = _reasons(told, result, found)
+    effect, outcomes = outcomes_of(told, mdp, found)
     return Conclusion(
         headline=headline,
         reason=_reason(told, mdp, found, why),
+        effect=effect,
         size=size_and_end(told, bound, _SHORT, result.confidence),
         sure=f"{sure_of(result)} The ideal plan is the one for your exact values.{open_still}",
         next=after,
@@ -110,6 +114,7 @@ def policy_conclusion(
         changes=_changes(told, mdp, action_words, result, found, why),
         plan=_plan(told, mdp, action_words, result, found),
         result=_whole_policy(told, mdp, action_words, found, why),
+        outcomes=outcomes,
         settled=settled,
         early=f"{_within(bound, so_far=True)} Your answers are not checked yet.",
     )
@@ -160,7 +165,7 @@ def _reasons(told: InWords, result: Result, found: DecidedPlan) -> dict[int, str
             sure = low[level] > steps[level] or high[level] < steps[level]
             name, probably = printable(told.labels[level]), "" if sure else " probably"
             why[state] = (
-                f"leads to {grows} “{name}”, which you{probably} value at {grows} than "
+                f"leads to {grows} time at “{name}”, which you{probably} value at {grows} than "
                 f"{100 * steps[level]:.0f} (its value with equal steps)"
             )
     return why
@@ -281,7 +286,7 @@ def _whole_policy(
     action_words: Callable[[int], str],
     found: DecidedPlan,
     why: Mapping[int, str],
-) -> ResultTable:
+) -> DataTable:
     """Return the action in every state that is not terminal, as a table to download."""
     change, leaning = found.certain, found.leaning
     words = {True: "certain", False: "not decided", None: "none"}
@@ -306,7 +311,7 @@ def _whole_policy(
         "perhaps_better",
         "why",
     )
-    return ResultTable("Plan", columns, rows)
+    return DataTable("Plan", columns, rows)
 
 
 def policy_stakes(told: InWords, result: Result) -> str | None:

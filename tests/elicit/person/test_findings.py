@@ -79,7 +79,7 @@ def test_a_best_guess_that_is_not_exact_or_not_known_is_said_to_be(
 
 
 def test_a_best_guess_in_a_wide_range_is_called_inexact_and_the_reason_is_said() -> None:
-    """The posterior allows for a slip in any answer, so two of them leave a wide range."""
+    """The posterior allows for a mistake in any answer, so two of them leave a wide range."""
     log, rows = AnswerLog(k=4), []
     for n, (share, verdict) in enumerate([(0.4, Verdict.WORSE), (0.3, Verdict.WORSE)]):
         query = Query(f"q{n}", np.array([0, 1.0, 0, 0]), np.array([1 - share, 0, 0, share]))
@@ -92,10 +92,15 @@ def test_a_best_guess_in_a_wide_range_is_called_inexact_and_the_reason_is_said()
     assert (ill.low, ill.high) != (0, 100)
     notes = " ".join(scale_notes(found, comparator, settled=True))
     assert "“Not known yet” (no dot): no answer is about it" in notes  # fair
-    assert (
-        "“About” (hollow dot): a rough best guess, in a wide range. Any one answer may be a"
-        in notes
-    )
+    assert "“About” (hollow dot): a rough best guess, in a wide range. The result allows" in notes
+    wide = f"“ill” ({ill.low:.0f} to {ill.high:.0f}) still has a wide range although you answered "
+    assert notes.startswith(f"{wide}about it, because any one answer may be a mistake. About 2 to ")
+    assert " more questions about levels would narrow every range to 40 or less." in notes
+    narrow = [row._replace(low=row.high - 40) if row is ill else row for row in found]
+    notes = " ".join(scale_notes(narrow, comparator, settled=True))
+    assert "still has" not in notes
+    assert "in a wide range. Any one answer may be a mistake, so a range stays wide until" in notes
+    notes = " ".join(scale_notes(found, comparator, settled=True))
     assert "The result allows for all that is still possible for “fair” and “ill”, and" in notes
     assert "does not need to know them more exactly" in notes
     without = [row for row in found if row.label != "fair"]
@@ -105,7 +110,8 @@ def test_a_best_guess_in_a_wide_range_is_called_inexact_and_the_reason_is_said()
     assert "does not need to know it more exactly" in notes
     notes = " ".join(scale_notes(without, PolytopeComparator(4), settled=False))
     assert "“About” (hollow dot): a rough best guess, in a wide range. The result" in notes
-    assert notes.count("does not need") == notes.count("slip") == 0
+    assert "still has a wide range, because few answers are about it. " in notes
+    assert notes.count("does not need") == notes.count("mistake") == 0
 
 
 def test_an_answer_that_narrows_nothing_leaves_a_level_unknown() -> None:

@@ -8,7 +8,7 @@ from elicit import AnswerLog, Interview, Session, Subject
 from elicit.person.course.counts import Counts, number_of
 from tests.browser_cases import LABELS, QUESTIONS, Listed
 
-SURE = "Your earlier answers already suggest an answer to this one."
+SURE = "If all your answers so far are right, they already answer this one."
 SAME = "This is the same question again, because you took back your answer to it"
 
 
@@ -32,6 +32,9 @@ def test_a_question_that_earlier_answers_decide_says_so(least: int) -> None:
         while screen["stage"] == "question" and screen["question"]["id"].startswith("q"):
             id = screen["question"]["id"]
             found[id] = screen["question"]["check"]
+            why = interview.handle({"do": "outlook", "id": id})["why"]
+            assert (found[id] in why) == found[id].startswith(SURE)  # the same reason in both
+            assert not (found[id] and any("We don't yet know" in said for said in why))
             said = choice(session, 0.65)
             screen = interview.handle({"do": "answer", "id": id, "choice": said})
         decided = [id for id, check in found.items() if check.startswith(SURE)]
@@ -160,10 +163,12 @@ def test_at_the_end_the_checks_left_are_counted() -> None:
         Interview(session, Subject(LABELS)) as interview,
     ):
         screen, ranges = interview.handle({"do": "practised", "choice": "a"}), []
+        notes: list[str] = []
         while screen["stage"] == "question":
             id = screen["question"]["id"]
             reply = interview.handle({"do": "outlook", "id": id})
             ranges.append((reply["at_least"], reply["to_come"], session.next_told() is None))
+            notes.append(screen["question"]["check"])
             screen = answered(interview, screen, choice(session, 0.65))
     left = range(len(ranges) - 1, -1, -1)
     assert all(least <= n for (least, _, _), n in zip(ranges, left, strict=True))
@@ -175,3 +180,13 @@ def test_at_the_end_the_checks_left_are_counted() -> None:
     at_end = [(n, found) for (_, found, over), n in zip(ranges, left, strict=True) if over]
     assert len(at_end) > 2
     assert [found for n, found in at_end[2:]] == [[n, n] for n, _ in at_end[2:]]
+    # checks that come in a row say why, and how many there are
+    now = "Nothing new needs to be asked, so the checks that are left come now: {} with this one."
+    said = [note for note in notes if "Nothing new" in note]
+    assert said
+    for n, note in zip(range(len(said) + 1, 1, -1), said, strict=True):
+        assert note.endswith(now.format(n))
+    assert notes[-1 - len(said) : -1] == said
+    repeats = [note.startswith("Check question: the same as question ") for note in notes]
+    assert repeats[-1]
+    assert not any(repeats[i] and repeats[i + 1] for i in range(len(notes) - len(said) - 2))

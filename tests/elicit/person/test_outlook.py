@@ -82,8 +82,8 @@ def test_why_names_what_is_open_in_whole_numbers_that_hold() -> None:
     posterior = PosteriorComparator(3, particles=200)
     posterior = posterior.update(Answers(np.repeat(d, 9, axis=0), [1] * 9 + [-1] * 9))
     may = (
-        "Any one answer may be a slip: a range narrows once several agree, and may widen after an "
-        "answer that was not expected."
+        "Any one answer may be a mistake: a range narrows once several agree, and may widen after "
+        "an answer that was not expected."
     )
     assert str(what_is_open(bag(5), posterior)).endswith(f" (with 95% probability), {scale} {may}")
 

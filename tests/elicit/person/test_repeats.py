@@ -184,10 +184,18 @@ def test_an_interview_says_that_a_question_is_one():
             query = session.question()
             assert query is not None
             assert question["id"] == query.id
-            again = question["check"].startswith("Check question: you answered this one before")
+            again = question["check"].startswith("Check question: the same as question ")
             assert again == session.is_repeat(query.id)
             shown = log.asked[-1]
             assert shown.query.id == query.id
+            if again:
+                first = session.first_answer(query)
+                assert first is not None
+                how = "as they were" if first.swapped == shown.swapped else "swapped"
+                n = interview.handle({"do": "answers"})["answers"]
+                number = next(one["number"] for one in n if one["id"] == first.query.id)
+                said = f"Check question: the same as question {number}, with the sides {how}. "
+                assert question["check"].startswith(said)
             verdict = says(query)
             choice = "equal" if verdict == 0 else "a" if (verdict == 1) != shown.swapped else "b"
             screen = interview.handle({"do": "answer", "id": query.id, "choice": choice})

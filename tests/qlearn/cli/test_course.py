@@ -138,7 +138,7 @@ def test_most_who_answer_by_chance_get_an_end_that_says_so() -> None:
         end = screen["end"]
         said += end["caution"] is not None
         # who passes all checks by chance cannot be told from one who means it
-        assert "Answers given by chance " in end["by_chance"]
+        assert "Somebody who chose by tossing a coin would do as well in " in end["by_chance"]
         if end["caution"] is None and end["settled"]:
             cases = int(re.search(r"in 1 of (\d+) interviews", end["by_chance"])[1])
             assert cases >= 25
@@ -755,7 +755,8 @@ def test_one_question_that_cannot_be_told_does_not_leave_a_choice_open(
 
     def says(question: dict[str, Any]) -> str:
         asked.append(question["id"])
-        return "cannot tell" if len(asked) == number else answer(question)
+        new = [id for id in asked if not id.endswith(" again")]  # checks are not learned from
+        return "cannot tell" if len(new) == number and new[-1] == asked[-1] else answer(question)
 
     with (
         Session(told.make, AnswerLog(), audit=0.1) as session,

@@ -47,6 +47,12 @@ def test_it_says_what_the_answers_say_and_leaves_the_log_as_it_is(
     assert [row["level"] for row in scale] == ["well", "ill", "died"]
     policy = json.loads(Path("found/choice.json").read_text())
     assert sum(row["choice"] == "chosen" for row in policy) == 1
+    for row in policy:  # numbers are no texts
+        assert row["low"] <= row["high"]
+        assert row["behind_at_least"] <= row["behind"] + 0.01
+        assert row["worth"] is None or row["low"] <= row["worth"] <= row["high"]
+    table = [*csv.DictReader(Path("found/choice.csv").read_text().splitlines())]
+    assert [float(row["behind"]) for row in table] == [row["behind"] for row in policy]
     report = Path("found/report.html").read_text()
     for said in ("Comparator", "posterior", "Seed", "Person", "answers-care.jsonl"):
         assert said in report

@@ -541,7 +541,7 @@ export function mount(root, send, options = {}) {
     const sooner = screen.time.planned && (!beside.to_come || screen.budget - screen.answered <= beside.to_come[1]);
     progress.lastChild.textContent = sooner
       ? planned(screen.time, screen.saved, screen.budget - screen.answered)
-      : toCome(beside.to_come, screen.time.pace, beside.at_least);
+      : `${toCome(beside.to_come, screen.time.pace, beside.at_least)}${beside.rose ? ROSE : ""}`;
     fill(beside);
     steady(); // the words in the head may be two lines now
     const why = body.querySelector(".why");
@@ -583,6 +583,7 @@ export function mount(root, send, options = {}) {
     const rest = small ? fold : section;
     const top = [part("p", settled ? "status good" : "status", {}, [settled ? `✓ ${after}` : after])];
     if (caution) top.push(part("p", "caution", {}, [caution]));
+    if (screen.end.effect) top.push(part("p", "reason", {}, [screen.end.effect]));
     if (screen.end.reason) top.push(part("p", "reason", {}, [screen.end.reason]));
     const { sure, size, before, next, given: gave, checks, by_chance: chance } = screen.end;
     const main = [["How sure", sure], ["How close", size], ["Next", next]];
@@ -837,6 +838,7 @@ const RESULT = { words: "Working out your result ...", after: 50 };
 const PREPARING = "This takes a few seconds. The first start on a computer compiles, which takes up to two minutes.";
 const TRY = "Practice question: your answer is not saved.";
 const BARS = "These numbers are too large to draw circles, so the length of a bar shows how many.";
+const ROSE = " (more than it seemed before)";
 const ABOVE = "The note above says why.";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
 const UNFORESEEN = "How far each choice of time gets cannot be foreseen here. You will see it as you go.";
@@ -851,6 +853,7 @@ const WHEN = { dateStyle: "medium", timeStyle: "short" };
 const FILES = {
   scale: "the value and range of each level",
   plan: "what follows from your answers",
+  outcomes: "the share that ends in each outcome, with your plan and with equal steps",
   answers: "each one, with both sides as you saw them, and whether it is used",
 };
 const FAULT = /contradicts|^ignored|differs/; // what a remark on an answer says that may need mending

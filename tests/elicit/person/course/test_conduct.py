@@ -12,6 +12,7 @@ from elicit.person.course.conduct import (
     IN_CONFLICT,
     ORDER,
     Conduct,
+    Repeats,
     choice_of,
     differs,
     repeats_in,
@@ -123,12 +124,16 @@ def test_checks_are_passed_or_look_like_chance(
     order = (
         f"{checks} more questions checked the order of the levels, and {alike} were answered as "
     )
-    well = "Answers given by chance do as well in half of all interviews or more."
+    many = "half of all interviews or more"
     if "half" not in cases:
-        do = "do as well" if differed else f"pass all {checks} checks"
-        well = f"Answers given by chance {do} in {cases.replace('cases', 'interviews')[8:]}."
-        if not {"32", "28", "30"} & {*cases.split()}:
-            well += " More checks would tell more."
+        many = cases.replace("cases", "interviews")[8:]
+    well = f"Somebody who chose by tossing a coin would do as well in {many}. So these checks "
+    if {"32", "28", "30"} & {*cases.split()}:
+        well += "show that your answers were hardly given at random."
+    elif {"16", "8"} & {*cases.split()}:
+        well += "speak for your answers. More of them would be more convincing."
+    else:
+        well += "do not show yet whether you meant your answers."
     assert one.by_chance == f"{order}expected. {well}"
     repeats = replace(one, repeated=checks)  # then the screen has counted them already
     assert repeats.by_chance == well
@@ -190,3 +195,32 @@ def test_answers_taken_back_and_checks_that_differ_count_together(
 ) -> None:
     one = Conduct(given - back, given - back, 9, differed, "a", 1, taken_back=back)
     assert ("You took back" in str(one.caution())) == said
+
+
+def test_checks_are_spread_over_a_short_session() -> None:
+    """The five checks come before the twelfth answer, so none is left for the end."""
+    log, asked = AnswerLog(), []
+    repeats = Repeats(log, 0.0, 1)
+    repeats.regular = True
+    for i in range(24):
+        again = repeats.due(Conduct.of([*log]))
+        if again is not None:
+            first = repeats.first_answer(again)
+            assert first is not None
+            said = {REPEATS: first.query.id, EXPECTED: int(first.verdict or 0)}
+            log.append(Answer(again, first.verdict), used=False, **said)
+            asked.append(Conduct.of([*log]).answered)
+            assert repeats.due(Conduct.of([*log])) is None  # never two in a row
+        query = Query(f"new {i}", np.array([0, 1.0, 0]), np.array([1 - i / 30, 0, i / 30]))
+        log.append(Answer(query, Verdict.BETTER))
+    assert asked == [3, 5, 7, 9, 11]
+    assert Conduct.of([*log]).passed
+
+
+def test_a_check_does_not_come_between_answers_that_cannot_be_told() -> None:
+    log = log_of("a", "b", "a", "b", "cannot tell")
+    repeats = Repeats(log, 0.0, 1)
+    repeats.regular = True
+    assert repeats.due(conduct(log)) is None
+    log.append(Answer(Query("q", LEFT, RIGHT), Verdict.BETTER))
+    assert repeats.due(conduct(log)) is not None

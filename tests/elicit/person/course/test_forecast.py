@@ -11,9 +11,36 @@ def test_a_forecast_counts_down_and_changes_only_if_it_is_off_by_much() -> None:
     assert left.shown((8, 18), 0, 9) == (9, 18)
     assert left.shown((6, 16), 1, 8) == (8, 17)  # off by one
     assert left.shown(None, 2, 7) == (7, 16)
-    assert left.shown((2, 9), 3, 6) == (6, 9)  # off by six
-    assert left.shown((6, 10), 4, 5) == (5, 8)  # off by two
-    assert left.shown((6, 11), 5, 4) == (6, 11)  # off by four
+    assert left.shown((2, 9), 3, 0) == (2, 15)  # the lower end follows at once, ...
+    assert left.shown((2, 9), 3, 0) == (2, 15)
+    assert left.shown((2, 8), 4, 0) == (1, 14)
+    assert left.shown((1, 7), 5, 0) == (0, 7)  # ... and the upper one after three forecasts
+    assert not left.rose
+    assert left.shown((1, 11), 6, 0) == (0, 11)  # off by four
+    assert left.rose
+
+
+def test_a_forecast_that_rises_says_so_once() -> None:
+    left = QuestionsLeft()
+    rose = []
+    forecasts = [(0, 3), (0, 2), (2, 9), (3, 9), (1, 8), (0, 7)]
+    for put, found in enumerate(forecasts):
+        for _ in range(2):  # a page asks repeatedly
+            shown = left.shown(found, put, 0)
+            assert shown is not None
+        rose.append(left.rose)
+        assert shown[1] >= found[1] - 2
+    assert rose == [False, False, True, False, False, False]
+
+
+def test_what_is_known_replaces_what_was_forecast() -> None:
+    left = QuestionsLeft()
+    assert left.shown((0, 12), 0, 0) == (0, 12)
+    assert left.shown((3, 3), 1, 3, certain=True) == (3, 3)
+    assert not left.rose
+    assert left.shown((2, 2), 2, 2, certain=True) == (2, 2)
+    assert left.shown((2, 5), 3, 0) == (1, 5)  # an answer that nobody expected
+    assert left.rose
 
 
 def test_a_forecast_is_never_below_what_must_come() -> None:

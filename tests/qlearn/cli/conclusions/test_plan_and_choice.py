@@ -143,7 +143,9 @@ def test_a_plan_changes_only_what_is_certain_and_says_what_is_not_decided(
         for state, row in zip(certain.tolist(), changes.rows, strict=True):
             why, more = row[3], d[states.tolist().index(state)]
             if why != "what follows in the rest of the plan":
-                found_why = r"leads to (more|less) “(.*)”, which you( probably)? value at \1 than "
+                found_why = (
+                    r"leads to (more|less) time at “(.*)”, which you( probably)? value at \1 than "
+                )
                 found_why += r"\d+ \(its value with equal steps\)"
                 grows, label, _ = re.fullmatch(found_why, why).groups()
                 level = mdp.labels.index(label)
