@@ -1,10 +1,9 @@
 """The runs behind notebook 08: Stable-Baselines3's DQN on the terrain, by a guess, by the true
 values, and by questions.
 
-    python -m benchmarks.training.dqn_on_terrain --out notebooks/data/dqn_terrain.csv
     python -m benchmarks.training.dqn_on_terrain --seeds 5 --out notebooks/data/dqn_terrain.csv
 
-A seed takes ten minutes, and the extra sb3 is needed. The terrain and the hidden values are the
+A seed takes two to three minutes, and the extra sb3 is needed. The terrain and the hidden values are the
 same for all seeds: a seed is that of the network and its exploration.
 
 One row a policy: the seed, how the policy came about, the values (five) that it was trained on, its
