@@ -383,7 +383,15 @@ def test_a_budget_is_said_once_and_the_person_can_go_on() -> None:
         assert person.stages.count("offer") == 1
         assert session.who == "Ann "
         html = interview.handle({"do": "report"})["html"]
-        for said in ("Ann", "polytope", "Tolerance", "1 in 100", "Seed", "elicit-qlearn", "Person"):
+        for said in (
+            "Ann",
+            "polytope",
+            "Tolerance",
+            "1 in 100",
+            "Seed",
+            "elicit-qlearn",
+            "Answers of",
+        ):
             assert said in html
 
 
