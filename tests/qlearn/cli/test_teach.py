@@ -246,7 +246,9 @@ def test_a_smaller_tolerance_goes_on_where_a_greater_one_ended(
         assert (f"Going on after {answered[-1]} answer" in said) == (answered[-1] > 0)
         bounds += [
             float(found) / 100
-            for found in re.findall(r"It comes within ([\d.]+) in 100 of your ideal plan", said)
+            for found in re.findall(
+                r"(?:It|Your plan) comes within ([\d.]+) in 100 of your ideal plan", said
+            )
         ]
         assert bounds[-1] <= float(tolerance)
         answered.append(len(told(tmp_path / "answers-random.jsonl")))
