@@ -3,8 +3,8 @@ values, and by questions.
 
     python -m benchmarks.training.dqn_on_terrain --seeds 5 --out notebooks/data/dqn_terrain.csv
 
-A seed takes two to three minutes, and the extra sb3 is needed. The terrain and the hidden values are the
-same for all seeds: a seed is that of the network and its exploration.
+A seed takes two to three minutes, and the extra sb3 is needed. The terrain and the hidden values
+are the same for all seeds: a seed is that of the network and its exploration.
 
 One row a policy: the seed, how the policy came about, the values (five) that it was trained on, its
 shares at the five outcomes, measured in walks of its own, what it is worth under the hidden values,
