@@ -467,8 +467,8 @@ def _worth(
     apart = float(above.max(initial=0.0))
     # shown where the ranges alone would allow a greater loss than the bound
     overlap = (
-        f" Two ranges may overlap although one {told.alternative} is better: where a level is "
-        f"worth more, both are."
+        f" Two ranges may overlap although one {told.alternative} is better: if a level is worth "
+        "more, both gain."
         if 100.0 * (apart - result.loss_bound) >= _ROUNDED
         else ""
     )

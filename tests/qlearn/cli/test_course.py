@@ -737,7 +737,7 @@ def test_a_choice_is_settled_only_if_no_other_alternative_is_better_by_the_toler
         person.until("end", answers)
         end = interview.handle({"do": "result"})["end"]
         assert end["settled"] == (answers == 99)
-        most = "more than|at most" if answers else "by up to"  # at first there is no guess
+        most = "more than|at most" if answers else "value as if"  # at first there is no guess
         said = f"{end['sure']} {end['next']} {end['before']}"
         bound = re.search(rf"(?:{most}) ([\d.]+) in 100", said)
         assert bound

@@ -577,7 +577,7 @@ export function mount(root, send, options = {}) {
     const all = [...body.querySelectorAll("input[name='elicit-budget']")];
     const chosen = all.findIndex((one) => one.checked);
     const found = chosen === all.length - 1 ? settled : budgets[chosen];
-    const none = ready ? (budgets.length || settled ? "" : UNFORESEEN) : "Working out whether this can be foreseen\u00a0...";
+    const none = ready ? (budgets.length || settled ? "" : UNFORESEEN) : "Trying to foresee how far each choice of time gets\u00a0...";
     say(place, found ? `${found} ${SIMULATED}` : none);
   }
 
@@ -847,7 +847,7 @@ const TRY = "Practice question: your answer is not saved.";
 const BARS = "These numbers are too large to draw circles, so the length of a bar shows how many.";
 const ROSE = " (more than it seemed before)";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
-const UNFORESEEN = "This cannot be foreseen here. You will see it as you go.";
+const UNFORESEEN = "How far each choice of time gets cannot be foreseen here. You will see it as you go.";
 const GIVEN = "It was given when the program was started.";
 const MENDS = "Taking back any one of them fixes it. The others stay.";
 const SURE = { yes: "Yes, take it back", no: "No, keep it" };
