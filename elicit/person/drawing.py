@@ -15,8 +15,9 @@ from elicit.model.query import Verdict
 from elicit.person.asker import Compares, Supposed
 from elicit.person.course.conclusion import (
     Conclusion,
+    in_unit,
     per_hundred,
-    up_to,
+    with_probability,
 )
 from elicit.person.course.conduct import ORDER, Conduct, choice_of
 from elicit.person.course.counts import (
@@ -92,6 +93,7 @@ class Drawing:
             "purpose": printable(words.purpose),
             "before": "" if loss is None else printable(self._before(loss)),
             "source": printable(self._subject.source),
+            "offered": None if self._subject.offered is None else asdict(self._subject.offered),
             "least": self._least(),
             "budgets": [
                 {"minutes": minutes, "questions": Pace.of(self._session.log).questions_in(minutes)}
@@ -119,12 +121,14 @@ class Drawing:
 
     def _before(self, loss: float) -> str:
         """Return a sentence on the loss that was possible before the first answer."""
-        worst, best = (printable(self._subject.labels[i]) for i in (0, -1))
-        asker = self._session.current_asker()
+        subject, asker = self._subject, self._session.current_asker()
+        labels = [printable(label) for label in subject.labels]
+        size = in_unit(loss, subject.words.unit, labels, subject.words.loss)
         level = trusted_share(asker.comparator) if isinstance(asker, Compares) else None
+        sure = with_probability(level)
         return (
             "Without your answers, the program's choice could be worth less to you than the best "
-            f"one by {up_to(loss, level)}. The difference between “{worst}” and “{best}” is 100."
+            f"one: by at most {size}{f' ({sure})' if sure else ''}."
         )
 
     def _conflicts_found(self) -> tuple[tuple[Entry, ...], ...]:

@@ -69,10 +69,16 @@ class ScaleRow(NamedTuple):
     rough: bool = False
 
 
-def guess_in_words(value: float, known: bool, rough: bool) -> str:
-    """Return the best guess of a row as it is shown, or words in its place."""
+def guess_in_words(value: float, known: bool, rough: bool, width: float = 0.0) -> str:
+    """Return the best guess of a row as it is shown, or words in its place.
+
+    A rough one is not said, and the result "", if the ``width`` of the range is over ``WIDE``. The
+    range then stands alone.
+    """
     if known:
         return f"{value:.0f}"
+    if rough and width > WIDE:
+        return ""
     return f"about {value:.0f}" if rough else "not known yet"
 
 

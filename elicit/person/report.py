@@ -372,7 +372,7 @@ def _scale(
         colour = colour_of(1.0 - i / max(1, len(rows) - 1)) if known else None
         rough = row.get("rough", False)
         picture = interval_picture(low, row["value"], high, colour, rough)
-        guess = guess_in_words(row["value"], known, rough)
+        guess = guess_in_words(row["value"], known, rough, high - low)
         yield (
             f'<tr><th scope="row">{escaped(row["label"])}</th><td class="drawn">{picture}</td>'
             f'<td class="number">{guess}</td><td class="number">{between}</td></tr>'

@@ -16,7 +16,7 @@ import numpy as np
 from elicit._support.validation import is_list, is_whole, require
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats
-from elicit.person.course.conclusion import Conclusion, NearlyEnough, SessionFacts
+from elicit.person.course.conclusion import Conclusion, NearlyEnough, ResultTable, SessionFacts
 
 Choice: TypeAlias = Literal["a", "b", "equal", "cannot tell"]
 
@@ -146,6 +146,8 @@ class Subject:
         although questions are left, or None. The interview then offers to stop.
     source : str
         A sentence on where the figures of the problem come from, or "".
+    offered : ResultTable, optional
+        The alternatives that there are to choose among, with their outcomes. The welcome shows it.
     """
 
     labels: tuple[str, ...]
@@ -166,6 +168,7 @@ class Subject:
         default=_nothing_is_near, repr=False
     )
     source: str = ""
+    offered: ResultTable | None = None
 
 
 class Row(NamedTuple):

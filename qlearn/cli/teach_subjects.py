@@ -30,6 +30,7 @@ from qlearn.cli.conclusions.choice import (
     choice_holds,
     choice_nearly,
     choice_stakes,
+    offered_table,
 )
 from qlearn.cli.conclusions.decided_plan import DecidedPlans
 from qlearn.cli.conclusions.icu import ICU_LEGEND, icu_dose, icu_states
@@ -352,6 +353,7 @@ def _choice(
         enough=partial(choice_holds, told),
         nearly=partial(choice_nearly, told, names, shares),
         source=words.source_sentence or f"The figures are those of the file {path.name}.",
+        offered=offered_table(told, names, shares),
     )
     following = partial(cost_of_following_a_choice, shares)
     return Taught(subject, make, header, hint, following=following)

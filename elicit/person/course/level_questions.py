@@ -16,7 +16,7 @@ from elicit.model.comparator import Comparator, bounds_of
 from elicit.model.query import Query
 from elicit.model.scale import Floats
 from elicit.person.course.conduct import ORDER
-from elicit.person.course.ranges import value_bounds, value_ranges
+from elicit.person.course.ranges import value_bounds
 
 LEVEL = "level/"
 """Start of the id of a question about a level."""
@@ -170,9 +170,6 @@ def questions_to_narrow(widths: Sequence[float]) -> tuple[int, int]:
     return len(wide), math.ceil(_FOR_EACH * len(wide) + _FOR_EACH_HALVING * halvings)
 
 
-_UNKNOWN = 90  # width of a range, of 100, from which it is not said
-
-
 def purpose_of(query: Query, comparator: Comparator, labels: Sequence[str], more: bool) -> str:
     """Return sentences on the purpose of a question about a level, or "" for another one.
 
@@ -188,12 +185,9 @@ def purpose_of(query: Query, comparator: Comparator, labels: Sequence[str], more
     if not query.id.startswith(LEVEL):
         return ""
     level = int(query.id.removeprefix(LEVEL).split("/")[0])
-    low, high = (100.0 * bound[level] for bound in value_ranges(comparator))
-    if not (math.isfinite(low) and math.isfinite(high)):
+    if not all(math.isfinite(bound[level]) for bound in value_bounds(comparator)):
         return ""
     said = f"This question narrows what “{labels[level]}” is worth to you."
-    if min(100.0, high) - max(0.0, low) >= _UNKNOWN:
-        said += " So far almost nothing is known of that."
     if not more:
         return f"{said} {FURTHER}"
     return (

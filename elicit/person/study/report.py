@@ -235,8 +235,10 @@ def _value(one: Mapping[str, Any], colour: str) -> str:
     low, high = one["low"], one["high"]
     rough = one.get("rough", False)
     picture = interval_picture(low, one["value"], high, colour if one["known"] else None, rough)
-    guess = guess_in_words(one["value"], one["known"], one.get("rough", False))
-    words = f"{low:.0f}" if low == high else f"{guess} ({low:.0f} to {high:.0f})"
+    guess = guess_in_words(one["value"], one["known"], rough, high - low)
+    words = f"{low:.0f}" if low == high else f"{low:.0f} to {high:.0f}"
+    if guess and low != high:
+        words = f"{guess} ({words})"
     return (
         f'<tr><th scope="row" class="name">{escaped(one["who"])}</th>'
         f'<td class="drawn">{picture}</td><td class="number">{words}</td></tr>'

@@ -10,7 +10,7 @@ import numpy as np
 
 from elicit._support.fixed_order import product
 from elicit.asking.choose_from_list import Choice
-from elicit.model.comparator_parts import best_guess, simultaneous_bounds, wrong_of
+from elicit.model.comparator_parts import best_guess, simultaneous_bounds, unordered_of, wrong_of
 from elicit.model.difference import tail_sums
 from elicit.model.outcomes import Status, assumed_of_answers
 from elicit.model.scale import Floats
@@ -26,7 +26,9 @@ from elicit.person.course.conclusion import (
     up_to,
     with_probability,
 )
+from elicit.person.course.level_questions import WIDE
 from elicit.person.course.ranges import draws_again, ranges_of
+from elicit.person.findings import scale_rows
 from elicit.person.showing import printable
 from qlearn.cli.conclusions.in_words import (
     InWords,
@@ -46,8 +48,8 @@ _NARROW = 0.5  # width of a range, a share of the whole, up to which a best gues
 _MOST_LEVELS = 6  # levels up to which a sentence says how two alternatives differ
 _EVERY = "for all values that fit your answers"
 _BEST = "best"
+_EACH_ROW = "Each row has the outcomes of 100 {unit}."
 _SAME = 1e-9  # outcomes of 100 by which two numbers differ by rounding only
-_IN_100 = " in 100"
 
 
 class _Ahead(NamedTuple):
@@ -91,6 +93,7 @@ def choice_conclusion(
             sure = f"{capital(with_sure)} {_none_better(told, loss)}."
         else:
             sure = f"{capital(_none_better(told, loss))}. {sure}"
+        sure = f"{sure} {_although_wide(told, shares, result)}".strip()
         after = "You can stop here."
         more = "More answers would make it surer." if result.loss_bound > 0 else ""
     else:
@@ -122,6 +125,25 @@ def choice_conclusion(
         settled=settled,
         early=f"By your answers so far “{best}” is {_best_word(result)}. They are not checked yet.",
     )
+
+
+def offered_table(told: InWords, names: Sequence[str], shares: Floats) -> ResultTable:
+    """Return a table of the outcomes of each alternative, as it is before the first answer."""
+    rows = zip(map(printable, names), _outcomes(shares), strict=True)
+    many = in_plural(told.alternative)
+    return ResultTable(
+        f"The {len(names)} {many}",
+        (capital(told.alternative), *map(printable, told.labels[::-1])),
+        tuple((name, *cells) for name, cells in rows),
+        _EACH_ROW.format(unit=printable(told.words.unit)),
+        told.alternative,
+        several=many,
+    )
+
+
+def _outcomes(shares: Floats) -> list[tuple[str, ...]]:
+    """Return the outcomes of 100 of each alternative (n, k), the best level first, as texts."""
+    return [tuple(f"{100 * share:.3g}" for share in row[::-1]) for row in shares]
 
 
 def choice_nearly(
@@ -206,9 +228,11 @@ def _recommended(told: InWords, names: Sequence[str], shares: Floats, result: Ch
     if not named:
         return said
     as_good = "About as good" if top in [worth[i] for i in named] else "Nearly as good"
-    beside = "" if called else f", {name} {top}" if len(others) == 1 else f"; {name} is worth {top}"
     if len(others) == 1:
-        return f"{said} {as_good} is {quoted[named[0]]}: worth {worth[named[0]]} of 100{beside}."
+        second = worth[named[0]]
+        against = f"both {top}" if second == top else f"{second} against {top}"
+        return f"{said} {as_good} is {quoted[named[0]]} ({second if called else against} of 100)."
+    beside = "" if called else f"; {name} is worth {top}"
     each = [f"{quoted[named[0]]} (worth {worth[named[0]]} of 100)"]
     each += [f"{quoted[i]} ({worth[i]})" for i in named[1:]]
     more = len(others) - len(named)
@@ -269,7 +293,8 @@ def _reason(
         return ""
     second = others[0]
     name, other = (f"“{printable(names[i])}”" for i in (best, second))
-    worth = f"{name} is worth {_more(told, ahead, second)} than the second, {other}."
+    more, sure = _more(ahead, second), _how_sure_of(ahead, second)
+    worth = f"{name} is worth {more} than the second, {other} (best guess{sure})."
     differ = _differ(told, 100.0 * apart[second])
     if not differ:
         return worth
@@ -291,38 +316,104 @@ def _differ(told: InWords, more: Floats) -> str:
     return f"in 100 {printable(told.words.unit)} it has {listed(gained)} in place of {listed(lost)}"
 
 
-def _more(told: InWords, ahead: _Ahead, i: int) -> str:
-    """Return in words how much more the choice is worth than an alternative, and how sure it is."""
-    guess, least = _of_100(ahead.guess[i]), ahead.least[i]
+def _more(ahead: _Ahead, i: int) -> str:
+    """Return in words how much more the choice is worth than an alternative, by the best guess."""
+    guess = round(100.0 * float(ahead.guess[i]))
+    return f"{guess or 'less than 1'} of 100 more"
+
+
+def _how_sure_of(ahead: _Ahead, i: int) -> str:
+    """Return the rest of a bracket: how much more or less the choice may be worth, and how sure.
+
+    The numbers of 100 are whole, and rounded so that they are still bounds.
+    """
     if math.isnan(ahead.confidence):
-        return f"{guess} of 100 more (best guess)"
-    sure = with_probability(ahead.confidence) or _EVERY
-    if least <= -NO_LOSS:
-        less = _at_most(told, -least)
-        return f"{guess} of 100 more (best guess; perhaps up to {less} less, {sure})"
-    by = f"at least {_at_least(least)}" if least >= NO_LOSS else "not less"
-    return f"{guess} of 100 more (best guess; {by} {sure})"
+        return ""
+    least = 100.0 * float(ahead.least[i])
+    if least <= -100.0 * NO_LOSS:
+        by = f"perhaps up to {math.ceil(-least - _SAME)} less"
+    else:
+        whole = math.floor(least + _SAME)
+        by = f"at least {whole} more" if whole >= 1 else "at least as good"
+    return f"; {by}, {with_probability(ahead.confidence) or _EVERY}"
+
+
+def _although_wide(told: InWords, shares: Floats, result: Choice) -> str:
+    """Return sentences on why a settled choice holds although levels are known only roughly.
+
+    The result is "" if no level's range is wide, or the order of the levels is open.
+    """
+    known = result.comparator
+    if unordered_of(known) is not None:
+        return ""
+    rows = scale_rows(known, told.labels)[::-1]
+    low = np.array([row.low for row in rows]) / 100.0
+    high = np.array([row.high for row in rows]) / 100.0
+    wide = [i for i in range(1, len(low) - 1) if 100.0 * (high[i] - low[i]) > WIDE + _SAME]
+    if not wide:
+        return ""
+    name, few = f"“{printable(result.name)}”", len(wide) <= _FEW_NAMED
+    named = listed(
+        [
+            f"“{printable(told.labels[i])}” ({100 * low[i]:.0f} to {100 * high[i]:.0f})"
+            for i in wide[::-1]
+        ]
+    )
+    are = f"{named} {'is' if len(wide) == 1 else 'are'}" if few else f"{len(wide)} levels are"
+    it = "it is" if len(wide) == 1 else "they are"
+    most = most_short(shares, result.best, low, high)
+    if most < told.little + NO_LOSS:
+        short = f" or at most {math.ceil(100 * most - _SAME)} of 100 short of the best"
+        return (
+            f"{are} known only roughly. Even so, whatever {it} worth within "
+            f"{'this range' if len(wide) == 1 else 'these ranges'}, {name} is best"
+            f"{short if most >= NO_LOSS else ''}."
+        )
+    loss = _told_loss(told, result.loss_bound)
+    by = "" if loss < NO_LOSS else f" by more than {per_hundred(loss)}"
+    sure = with_probability(result.confidence)
+    return (
+        f"{are} known only roughly. Even so the choice is settled: values in "
+        f"{'this range' if len(wide) == 1 else 'these ranges'} that would make another "
+        f"{told.alternative} better{by} do not fit your answers{f' ({sure})' if sure else ''}."
+    )
+
+
+def most_short(shares: Floats, best: int, low: Floats, high: Floats) -> float:
+    """Return the most that one alternative falls short of another, for values in these ranges.
+
+    Parameters
+    ----------
+    shares : (n, k)
+        A row for each alternative, with a share for each level, worst first.
+    best : int
+        The row of the alternative.
+    low, high : (k,)
+        Ranges of the values of the levels, neither of which falls. The values rise in any case.
+
+    Returns
+    -------
+    float
+        At least 0.
+
+    Notes
+    -----
+    The greatest d.v is found level by level, from the worst. At the vertices of the set of rising
+    values in these ranges, each value is an end of some range.
+    """
+    d = shares - shares[best]
+    ends = np.unique(np.concatenate([low, high]))
+    most = np.zeros((len(d), len(ends)))
+    for level in range(len(low)):
+        inside = (ends >= low[level]) & (ends <= high[level])
+        here = np.where(inside, most + d[:, [level]] * ends, -np.inf)
+        most = np.maximum.accumulate(here, axis=1)
+    return max(0.0, float(most[:, -1].max()))
 
 
 def _told_loss(told: InWords, loss: float) -> float:
     """Return a loss as it is said: no finer than a tenth of 100, unless the tolerance is finer."""
     return loss if loss < NO_LOSS else max(loss, min(_TENTH, told.tolerance))
-
-
-def _of_100(share: float) -> str:
-    """Return a share of the value range as a number of 100, with two digits at least."""
-    return f"{100.0 * share:.{0 if share >= 0.1 else 1}f}"
-
-
-def _at_most(told: InWords, share: float) -> str:
-    """Return a share of the value range as a number of 100 in two digits, rounded up."""
-    return per_hundred(_told_loss(told, share)).removesuffix(_IN_100)
-
-
-def _at_least(share: float) -> str:
-    """Return a share of the value range as a number of 100 in two digits, rounded down."""
-    digits = max(0, 1 - math.floor(math.log10(100.0 * share)))
-    return f"{math.floor(100.0 * share * 10**digits + 1e-9) / 10**digits:g}"
 
 
 def _better(told: InWords) -> str:
@@ -360,26 +451,24 @@ def _worth(
     worth = _worth_of(shares, result)
     low, high = worth.low, worth.high
     points, order, narrow = worth.guess, worth.order, worth.narrow
-    best = list(names).index(result.name)
+    best, outcomes = list(names).index(result.name), _outcomes(shares)
     rows = tuple(
         (
             printable(names[i]),
-            *(f"{100 * share:.3g}" for share in shares[i, ::-1]),
+            *outcomes[i],
             f"{100 * points[i]:.0f}" if narrow[i] else "not known yet",
             f"{100 * low[i]:.0f} to {100 * high[i]:.0f}",
-            "0" if i == best else _behind(told, ahead, i),
+            f"{round(100.0 * float(ahead.guess[i]))}",
         )
         for i in order
     )
     unknown = "" if all(narrow) else " The worth is not known yet where the range is wider than 50."
-    sure = with_probability(ahead.confidence) or ("" if np.isnan(ahead.confidence) else _EVERY)
-    together = f", and in brackets the least ({sure}, all together)" if sure else ""
     above = np.delete(high, best) - low[best]
     apart = float(above.max(initial=0.0))
     # shown where the ranges alone would allow a greater loss than the bound
     overlap = (
-        " Two ranges may overlap although one is always ahead, because the same values of the "
-        "levels go into both."
+        f" Two ranges may overlap although one {told.alternative} is better: if a level is worth "
+        "more, both gain."
         if 100.0 * (apart - result.loss_bound) >= _ROUNDED
         else ""
     )
@@ -388,16 +477,33 @@ def _worth(
         f"The {len(names)} {many}",
         (capital(told.alternative), *map(printable, labels[::-1]), "worth", "range", "behind"),
         rows,
-        f"In 100 {printable(told.words.unit)} of each. Worth is from 0, if all were "
-        f"“{printable(labels[0])}”, to 100, if all were “{printable(labels[-1])}”: the best guess, "
-        f"and its range.{unknown} “Behind” is how much less it is worth than "
-        f"“{printable(result.name)}”: the best guess{together}.{overlap}",
+        f"{_EACH_ROW.format(unit=printable(told.words.unit))} Worth is 0 if all were "
+        f"“{printable(labels[0])}”, and 100 if all were “{printable(labels[-1])}”: the best guess, "
+        f"and its range.{unknown} “Behind” is how much less than “{printable(result.name)}”, by "
+        f"the best guess.{_none_ahead(names, ahead, best)}{overlap}",
         told.alternative,
         unfolded=len(names) <= _MOST_UNFOLDED,
         several=many,
         marked=order.index(best),
         mark=mark,
     )
+
+
+def _none_ahead(names: Sequence[str], ahead: _Ahead, best: int) -> str:
+    """Return a sentence on the alternatives that may be better than the choice, or "".
+
+    It holds for all of them together.
+    """
+    if math.isnan(ahead.confidence) or len(names) == 1:
+        return ""
+    sure = with_probability(ahead.confidence) or _EVERY
+    may = [i for i in np.flatnonzero(ahead.least <= -NO_LOSS).tolist() if i != best]
+    if not may:
+        return f" {capital(sure)} none of the others is better."
+    by = math.ceil(100.0 * float(-ahead.least[may].min()) - _SAME)
+    few = len(may) <= _FEW_NAMED
+    who = listed([f"“{printable(names[i])}”" for i in may]) if few else f"{len(may)} of the others"
+    return f" {who} may still be better, by at most {by} ({sure})."
 
 
 def _to_keep(names: Sequence[str], shares: Floats, result: Choice, ahead: _Ahead) -> DataTable:
@@ -431,16 +537,6 @@ def _in_hundredths(share: float) -> float:
 def _rounded_down(share: float) -> float:
     """Return a lower bound on a share of the value range as a number of 100, to two decimals."""
     return math.floor(1e4 * float(share) + 1e-9) / 100.0
-
-
-def _behind(told: InWords, ahead: _Ahead, i: int) -> str:
-    """Return how much less an alternative is worth than the choice: best guess, and least."""
-    guess, least = _of_100(ahead.guess[i]), ahead.least[i]
-    if math.isnan(ahead.confidence):
-        return guess
-    if least <= -NO_LOSS:
-        return f"{guess} (or {_at_most(told, -least)} ahead)"
-    return f"{guess} (at least {_at_least(least) if least >= NO_LOSS else 0})"
 
 
 def choice_stakes(told: InWords, result: Choice) -> str | None:

@@ -69,13 +69,18 @@ def test_rows_after_one_answer_say_what_is_known_and_that_ranges_overlap() -> No
 
 
 @pytest.mark.parametrize(
-    ("known", "rough", "said"),
-    [(True, False, "41"), (False, True, "about 41"), (False, False, "not known yet")],
+    ("known", "rough", "width", "said"),
+    [
+        (True, False, 50, "41"),
+        (False, True, 40, "about 41"),
+        (False, True, 41, ""),
+        (False, False, 41, "not known yet"),
+    ],
 )
 def test_a_best_guess_that_is_not_exact_or_not_known_is_said_to_be(
-    known: bool, rough: bool, said: str
+    known: bool, rough: bool, width: float, said: str
 ) -> None:
-    assert guess_in_words(40.6, known, rough) == said
+    assert guess_in_words(40.6, known, rough, width) == said
 
 
 def test_a_best_guess_in_a_wide_range_is_called_inexact_and_the_reason_is_said() -> None:

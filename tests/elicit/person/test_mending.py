@@ -181,10 +181,10 @@ def test_at_the_end_the_checks_left_are_counted() -> None:
     assert len(at_end) > 2
     assert [found for n, found in at_end[2:]] == [[n, n] for n, _ in at_end[2:]]
     # checks that come in a row say why, and how many there are
-    now = "Nothing new needs to be asked, so the checks that are left come now: {} with this one."
-    said = [note for note in notes if "Nothing new" in note]
+    now = " Only repeated questions are left, as checks: this one and {} more."
+    said = [note for note in notes if "Only repeated" in note]
     assert said
-    for n, note in zip(range(len(said) + 1, 1, -1), said, strict=True):
+    for n, note in zip(range(len(said), 0, -1), said, strict=True):
         assert note.endswith(now.format(n))
     assert notes[-1 - len(said) : -1] == said
     repeats = [note.startswith("Check question: the same as question ") for note in notes]

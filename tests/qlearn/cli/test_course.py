@@ -370,8 +370,10 @@ def test_a_budget_is_said_once_and_the_person_can_go_on() -> None:
         Session(told.make, AnswerLog(), audit=0.1) as session,
         Interview(session, told.subject) as interview,
     ):
-        assert interview.handle({"do": "state"})["welcome"]["before"].startswith(
-            "Without your answers, the program's choice could be worth less to you than the best "
+        assert re.fullmatch(
+            r"Without your answers, the program's choice could be worth less to you than the best "
+            r"one: by at most as much value as if [\d.]+ in 100 \w+ were at “.*” instead of “.*”\.",
+            interview.handle({"do": "state"})["welcome"]["before"],
         )
         interview.handle({"do": "start", "who": "  Ann\x1b ", "budget": "3"})
         person = Person(interview, truthful(np.array([0, 0.2, 0.45, 0.7, 1.0])))
@@ -499,7 +501,12 @@ def test_the_welcome_and_the_report_say_where_the_figures_come_from(
         Session(told.make, AnswerLog()) as session,
         Interview(session, told.subject) as interview,
     ):
-        assert interview.handle({"do": "state"})["welcome"]["source"] == said
+        welcome = interview.handle({"do": "state"})["welcome"]
+        assert welcome["source"] == said
+        offered = welcome["offered"]
+        assert offered["title"] == "The 2 alternatives"
+        assert offered["columns"] == ("Alternative", "well", "ill", "died")
+        assert offered["rows"] == (("new", "60", "10", "30"), ("old", "40", "50", "10"))
         assert escape(said) in interview.handle({"do": "report"})["html"]
 
 
@@ -739,7 +746,7 @@ def test_a_choice_is_settled_only_if_no_other_alternative_is_better_by_the_toler
         person.until("end", answers)
         end = interview.handle({"do": "result"})["end"]
         assert end["settled"] == (answers == 99)
-        most = "more than|at most" if answers else "by up to"  # at first there is no guess
+        most = "more than|at most" if answers else "value as if"  # at first there is no guess
         said = f"{end['sure']} {end['next']} {end['before']}"
         bound = re.search(rf"(?:{most}) ([\d.]+) in 100", said)
         assert bound

@@ -372,7 +372,7 @@ export function mount(root, send, options = {}) {
   }
 
   function welcome() {
-    const { who: known, compare, purpose, before, source, least, budgets } = screen.welcome;
+    const { who: known, compare, purpose, before, source, offered, least, budgets } = screen.welcome;
     const who = part("input", "field", { type: "text", id: "elicit-who", maxlength: "80", autocomplete: "off" });
     who.value = known;
     who.disabled = Boolean(known); // the log is this person's
@@ -400,6 +400,10 @@ export function mount(root, send, options = {}) {
     const left = part("div", "column", {}, says);
     for (const text of [screen.preamble, source].filter(Boolean)) left.append(part("p", "soft", {}, [text]));
     left.append(part("section", "panel", {}, [part("h2", "", {}, ["The levels, best to worst"]), ...legendOf()]));
+    if (offered) {
+      const { title, note, columns, rows, of, several } = offered;
+      left.append(folded(title, columns, rows, several || `${of}s`, of, [part("p", "soft", {}, [note])], "elicit-offered"));
+    }
     const form = part("section", "panel form", {}, [
       part("label", "strong", { for: "elicit-who" }, [known ? "Your name" : "Your name or initials (optional)"]),
       part("p", "soft small", {}, [`Printed on your report. ${known ? GIVEN : "A made-up name is fine."}`]),
@@ -548,8 +552,10 @@ export function mount(root, send, options = {}) {
     why?.querySelectorAll("p").forEach((p) => p.remove());
     const said = beside.why.length || beside.ready ? beside.why : ["Still being worked out ..."];
     const unsaid = said.filter((line) => !screen.question.check.includes(line)); // the note above says the others
-    const lines = unsaid.length ? unsaid : [said.length ? ABOVE : "Its answer tells most about what is still open."];
-    why?.append(...[...lines, beside.forecast].filter(Boolean).map((line) => part("p", "", {}, [line])));
+    const lines = said.length ? unsaid : ["Its answer tells most about what is still open."];
+    const all = [...lines, beside.forecast].filter(Boolean);
+    why?.toggleAttribute("hidden", !all.length);
+    why?.append(...all.map((line) => part("p", "", {}, [line])));
   }
 
   // What came in beside a conflict: what each choice would leave.
@@ -571,7 +577,7 @@ export function mount(root, send, options = {}) {
     const all = [...body.querySelectorAll("input[name='elicit-budget']")];
     const chosen = all.findIndex((one) => one.checked);
     const found = chosen === all.length - 1 ? settled : budgets[chosen];
-    const none = ready ? (budgets.length || settled ? "" : UNFORESEEN) : "Working out what this will likely prove\u00a0...";
+    const none = ready ? (budgets.length || settled ? "" : UNFORESEEN) : "Trying to foresee how far each choice of time gets\u00a0...";
     say(place, found ? `${found} ${SIMULATED}` : none);
   }
 
@@ -829,6 +835,7 @@ const USUAL_LINES = 3;
 const USUAL_LINES_OF_NARROW = 3;
 const STEPS = 2; // how many times as far as expected the bar goes at one answer, unless that is not half the way
 const NARROW = 640; // px of width, as the style has it
+const WIDE = 40; // width of a range, of 100, from which it is called wide
 const FEW = 12; // rows that need no filter, and are shown at once
 const NEXT = { words: "Working out what comes next ...", after: SLOW };
 const GETTING_READY = "Getting ready ...";
@@ -839,7 +846,6 @@ const PREPARING = "This takes a few seconds. The first start on a computer compi
 const TRY = "Practice question: your answer is not saved.";
 const BARS = "These numbers are too large to draw circles, so the length of a bar shows how many.";
 const ROSE = " (more than it seemed before)";
-const ABOVE = "The note above says why.";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
 const UNFORESEEN = "How far each choice of time gets cannot be foreseen here. You will see it as you go.";
 const GIVEN = "It was given when the program was started.";
@@ -1023,9 +1029,12 @@ export function axis() {
   return svg("svg", { class: "axis", "aria-hidden": "true", focusable: "false" }, marks);
 }
 
-// A level's best guess, or words in its place.
-export const guessWords = ({ value, known, rough }) =>
-  known ? String(Math.round(value)) : rough ? `about\u00a0${Math.round(value)}` : "not known yet";
+// A level's best guess, or words in its place. A rough one in a wide range is not said: its range stands alone.
+export const guessWords = ({ value, known, rough, low, high }) => {
+  if (known) return String(Math.round(value));
+  if (rough) return high - low > WIDE ? "" : `about\u00a0${Math.round(value)}`;
+  return "not known yet";
+};
 
 // A level's range with a dot at its best guess. One of which too little is `asked` has a hollow bar, and a hollow dot if
 // it is known roughly.

@@ -9,10 +9,12 @@ from hypothesis import strategies as st
 
 from elicit import Answer, Answers, PolytopeComparator, PosteriorComparator, Query, Verdict
 from elicit.person.course.level_questions import (
+    FURTHER,
     WIDE,
     known_question,
     level_question,
     order_question,
+    purpose_of,
     questions_left,
     questions_to_narrow,
 )
@@ -61,6 +63,16 @@ def test_levels_that_no_answer_is_about_come_first() -> None:
         assert query is not None
         assert about(query) == level
         assert np.flatnonzero(query.right).tolist() == [0, 4]
+
+
+def test_the_purpose_of_a_question_says_which_level_it_is_about() -> None:
+    knows, labels = PolytopeComparator(4), ("died", "ill", "fair", "well")
+    query = level_question(knows, 10, never)
+    assert query is not None
+    said = f"This question narrows what “{labels[about(query)]}” is worth to you."
+    assert purpose_of(query, knows, labels, False) == f"{said} {FURTHER}"
+    assert purpose_of(query, knows, labels, True).startswith(f"{said} Questions end once ")
+    assert not purpose_of(order_question(4, 1), knows, labels, False)
 
 
 def test_a_question_that_was_answered_is_not_put_again() -> None:

@@ -714,7 +714,7 @@ def test_the_welcome_says_if_nothing_can_be_foreseen(windows: Windows) -> None:
         page = windows.open(server)
         page.route("**/api", prospects)
         page.reload()
-        waiting = page.get_by_text("Working out what this will likely prove").first
+        waiting = page.get_by_text("Trying to foresee how far each choice").first
         waiting.wait_for()
         seen.append(waiting.inner_text())
         page.get_by_text("How far each choice of time gets cannot be foreseen here.").wait_for()
@@ -755,7 +755,7 @@ def test_start_stays_where_it_is_when_forecasts_come_or_go(
         page = windows.open(server, size)
         page.route("**/api", prospects)
         page.reload()
-        for words in ("Working out what this will", length, "How far each choice of time gets"):
+        for words in ("Trying to foresee how far", length, "How far each choice of time gets"):
             page.get_by_text(words).first.wait_for()
             tops.append(name(page, "Start").bounding_box()["y"] + page.evaluate("scrollY"))
         page.locator(".choice").first.click()

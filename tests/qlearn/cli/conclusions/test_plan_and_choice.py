@@ -27,7 +27,12 @@ from qlearn import (
     policy_loss,
     random_mdp,
 )
-from qlearn.cli.conclusions.choice import choice_conclusion, choice_nearly, choice_stakes
+from qlearn.cli.conclusions.choice import (
+    choice_conclusion,
+    choice_nearly,
+    choice_stakes,
+    most_short,
+)
 from qlearn.cli.conclusions.decided_plan import DecidedPlans
 from qlearn.cli.conclusions.in_words import InWords
 from qlearn.cli.conclusions.plan import policy_conclusion, policy_nearly, policy_stakes
@@ -240,7 +245,7 @@ def test_the_bound_on_a_plan_of_what_is_decided_holds_and_it_beats_equal_steps(
 @pytest.mark.parametrize(
     ("second", "said"),
     [
-        ([0.02, 0.02, 0.96], " Nearly as good is “other”: worth 97 of 100, “first” 100."),
+        ([0.02, 0.02, 0.96], " Nearly as good is “other” (97 against 100 of 100)."),
         ([0.1, 0.0, 0.9], ""),
     ],
 )
@@ -357,7 +362,7 @@ def test_an_alternative_that_was_called_equally_good_is_said_to_be(scale: float)
         headline = choice_conclusion(told, names, shares, found, None).headline
         equal = headline.startswith("You called “first” and “other” equally good. By all your ")
         assert equal is called
-        assert (" as good is “other”: worth " in headline) is not called
+        assert (" as good is “other” (" in headline) is not called
 
 
 def test_what_was_called_as_good_as_the_choice_is_named_before_what_is_close() -> None:
@@ -368,7 +373,7 @@ def test_what_was_called_as_good_as_the_choice_is_named_before_what_is_close() -
     found = replace(done, answers=Answers([shares[0] - shares[1]], [0]))
     assert choice_conclusion(told, names, shares, found, None).headline == (
         "You called “first” and “other” equally good. By all your answers they are worth 100 and "
-        "97 of 100. Nearly as good is “b”: worth 99 of 100."
+        "97 of 100. Nearly as good is “b” (99 of 100)."
     )
 
 
@@ -396,7 +401,10 @@ def test_a_choice_that_need_not_be_the_best_is_only_recommended(status: Status) 
     assert (
         conclusion.early == f"By your answers so far “first” is {word}. They are not checked yet."
     )
-    assert conclusion.sure.endswith("no other alternative is better by more than 0.5 in 100.")
+    none = "With 95% probability no other alternative is better by more than 0.5 in 100."
+    assert conclusion.sure.startswith(
+        f"{none} “middle” (0 to 100) is known only roughly. Even so, "
+    )
 
 
 @pytest.mark.parametrize(("second", "together"), [([0.02, 0.8, 0.18], True), ([1, 0, 0], False)])
@@ -425,27 +433,34 @@ def test_the_lead_over_the_second_is_said_and_holds_for_every_plausible_scale(na
         assert found.changes is not None
         best, rows = names.index(result.name), {row[0]: row for row in found.changes.rows}
         said = re.fullmatch(
-            r"“(\w+)” is worth ([\d.-]+) of 100 more \(best guess; "
-            r"(at least|perhaps up to|not less) ?([\d.]*)( less,)? "
-            r"?(with 95% probability|for all values that fit your answers)\) than the second, "
-            r"“(\w+)”\. In 100 people it has (.*) in place of (.*)\. "
+            r"“(\w+)” is worth (-?\d+|less than 1) of 100 more than the second, “(\w+)” "
+            r"\(best guess; (at least as good|at least|perhaps up to) ?(\d*)( less| more)?, "
+            r"(with 95% probability|for all values that fit your answers)\)\. "
+            r"In 100 people it has (.*) in place of (.*)\. "
             r"By (your answers|the best guess) that is better\.",
             found.reason,
         )
         assert said, found.reason
-        second = names.index(said[7])
+        second = names.index(said[3])
         d = shares[best] - shares[second]
-        least = float(said[4] or 0) * {"at least": 1, "not less": 0, "perhaps up to": -1}[said[3]]
+        least = int(said[5] or 0) * (-1 if said[4] == "perhaps up to" else 1)
+        assert (said[5] in ("", "0")) == (said[4] == "at least as good")
         low = -simultaneous_bounds(result.comparator, -d[None, :])[0][0]
         assert 100 * low >= least - 1e-9
+        assert 100 * low <= least + 1 + 1e-9
         assert (said[10] == "your answers") == (least >= 0)
-        assert float(said[2]) == pytest.approx(100 * d @ result.comparator.values, abs=0.51)
+        guess = 0 if said[2] == "less than 1" else int(said[2])
+        assert guess == pytest.approx(100 * d @ result.comparator.values, abs=0.51)
         assert rows[result.name][-1] == "0"
         assert found.changes.marked == [*rows].index(result.name)
         assert (found.changes.title, found.changes.several) == ("The 3 therapies", "therapies")
-        behind = re.fullmatch(r"([\d.-]+) \((at least|or) ([\d.]+)( ahead)?\)", rows[said[7]][-1])
-        assert behind[1] == said[2]
-        assert (behind[2] == "or") == (least < 0)
+        assert rows[said[3]][-1] == f"{guess}"
+        every = np.delete(shares, best, axis=0) - shares[best]
+        most, note = 100 * max(simultaneous_bounds(result.comparator, every)[0]), found.changes.note
+        assert ("none of the others is better." in note) == (most < 1e-3)
+        if most >= 1e-3:
+            stated = re.search(r" may still be better, by at most (\d+) \((with|for) ", note)
+            assert int(stated[1]) - 1 <= most <= int(stated[1]) + 1e-9
         leads.add(found.changes.mark)
         if not (queries := choosing.ask()):
             break
@@ -459,12 +474,56 @@ def test_a_lead_by_the_order_of_the_levels_alone_is_said_to_be_that() -> None:
     result = choose(shares, PolytopeComparator(3), names=names).result()
     found = choice_conclusion(told, names, shares, result, None)
     assert found.reason == (
-        "“x” is worth 15 of 100 more (best guess; at least 10 for all values that fit your "
-        "answers) than the second, “y”. In 100 days it has 10 more “good” and 10 more “middle” in "
+        "“x” is worth 15 of 100 more than the second, “y” (best guess; at least 10 more, for all "
+        "values that fit your answers). In 100 days it has 10 more “good” and 10 more “middle” in "
         "place of 20 “bad”. By the order of the levels alone that is better."
     )
     alone = choose(shares[:1], PolytopeComparator(3), names=names[:1]).result()
     assert not choice_conclusion(told, names[:1], shares[:1], alone, None).reason
+
+
+def test_a_settled_choice_with_wide_ranges_says_why_it_holds_all_the_same() -> None:
+    shares, names = np.array([[0.0, 0.5, 0.5], [0.02, 0.4, 0.58]]), ["x", "y"]
+    told = InWords(("bad", "middle", "good"), Words(), 0.01)
+    row = np.array([[-0.5, 1.0, -0.5]])  # middle is worth 50 at least, so x is at most 3 behind y
+    known = PolytopeComparator(3).update(Answers(row, [1]))
+    result = choose(shares, known, names=names).result()
+    best = names.index(result.name)
+    settled = replace(result, status=Status.CALLED_EQUAL, guarantee=lambda: (0.003, 0.95))
+    found = choice_conclusion(told, names, shares, settled, None)
+    low, high = np.array([0.0, 0.5, 1.0]), np.array([0.0, 1.0, 1.0])
+    d = shares[1 - best] - shares[best]
+    most = max(0.0, d @ low, d @ high)
+    assert most_short(shares, best, low, high) == pytest.approx(most)
+    assert 0.0 < most < told.little
+    assert found.sure.endswith(
+        "“middle” (50 to 100) is known only roughly. Even so, whatever it is worth within this "
+        f"range, “{result.name}” is best or at most {np.ceil(100 * most - 1e-9):.0f} of 100 short "
+        "of the best."
+    )
+    strict = choice_conclusion(replace(told, tolerance=0.004), names, shares, settled, None)
+    assert strict.sure.endswith(
+        " Even so the choice is settled: values in this range that would make another alternative "
+        "better by more than 0.3 in 100 do not fit your answers (with 95% probability)."
+    )
+    narrow = known.update(Answers([[-0.5, 1.0, -0.5], [0.3, -1.0, 0.7]], [1, 1]))
+    found = choice_conclusion(told, names, shares, replace(settled, comparator=narrow), None)
+    assert "known only roughly" not in found.sure
+
+
+def test_the_most_that_a_choice_falls_short_is_that_of_rising_values_in_the_ranges() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        k = int(rng.integers(3, 6))
+        shares = rng.dirichlet(np.ones(k), 3)
+        ends = np.sort(np.round(rng.random((2, k - 2)), 1), axis=1)
+        low, high = ([0.0, *one, 1.0] for one in (ends.min(axis=0), ends.max(axis=0)))
+        grid = np.array(np.meshgrid(*[np.arange(11) / 10] * (k - 2))).reshape(k - 2, -1).T
+        values = np.hstack([np.zeros((len(grid), 1)), grid, np.ones((len(grid), 1))])
+        inside = ((values > np.array(low) - 1e-9) & (values < np.array(high) + 1e-9)).all(axis=1)
+        values = values[inside & (np.diff(values) > -1e-9).all(axis=1)]
+        most = (values @ (shares - shares[0]).T).max()
+        assert most_short(shares, 0, np.array(low), np.array(high)) == pytest.approx(most)
 
 
 def test_alternatives_are_nearly_equal_only_if_that_holds_for_every_plausible_scale() -> None:
