@@ -9,6 +9,7 @@ from typing import NamedTuple
 _SLACK = 2  # questions, and a share of those left, by which a forecast may be off and stays:
 _SHARE_OF_SLACK = 0.25
 _RECENT = 2  # earlier questions whose forecasts count beside the newest
+_RISE = 5  # questions by which the upper end rises at most from one question to the next
 _ESTIMATE = 0.07
 """The share by which a loss varies, because it is estimated from a sample of plausible scales. It
 was measured with ten answers about ICU-Sepsis, learned with four seeds: at most 7% from the least
@@ -20,9 +21,9 @@ class QuestionsLeft:
 
     New forecasts come with every question, and vary. Of those of the last three questions, the
     shown range has the least lower end and the middle upper end. It is kept, and its ends count
-    down, as long as it is not off by much: by two questions, or by a quarter of those left. While
-    one question is on the screen, its range may become narrower, but not wider: a wider one is
-    shown from the next question on.
+    down, as long as it is not off by much: by two questions, or by a quarter of those left. Its
+    upper end rises by five questions at most each time. While one question is on the screen, its
+    range may become narrower, but not wider: a wider one is shown from the next question on.
     """
 
     def __init__(self) -> None:
@@ -88,13 +89,16 @@ class QuestionsLeft:
         recent = [one for one in earlier if one.high >= now + least]
         if recent:
             low = max(now + least, min(one.low for one in recent))
-            high = max(low, math.ceil(median(one.high for one in recent)))
+            high = math.ceil(median(one.high for one in recent))
+            if kept is not None and not certain:
+                high = min(high, kept[1] + _RISE)
+            high = max(low, high)
             slack = 0.0 if certain else max(_SLACK, _SHARE_OF_SLACK * (high - now))
             off = kept is not None and max(abs(high - kept[1]), kept[0] - low) > slack
             if kept is None or off or low > kept[1]:
                 kept = low, high
         if kept is not None and self._here is not None and not certain:
-            high = min(kept[1], self._here[1])
+            high = max(self._here[0], min(kept[1], self._here[1]))
             kept = min(max(kept[0], self._here[0]), high), high
         self._here = self._shown = kept
         self.rose = bool(kept and before and kept[1] > before[1])
