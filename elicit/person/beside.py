@@ -54,6 +54,7 @@ _UNTIL_SURE = 2
 # a plan is mostly settled after the learner's last question and so many about levels (none to six
 # in nine simulated sessions, three of them on ICU-Sepsis)
 _UNTIL_SETTLED = 3
+_NEAR = 2  # questions still likely to come, with which the end is said to be close
 _CLEAR = (Verdict.BETTER, Verdict.WORSE)
 _LIKELY_FIRST = (Verdict.BETTER, Verdict.WORSE, Verdict.EQUAL, None)
 
@@ -488,11 +489,11 @@ class Beside(Closing):
             return {
                 "id": id,
                 "why": why,
-                **self._forecast(None),
+                **self._forecast(None, None),
                 "ready": True,
             }
         ready = outlook.ready  # read first: whatever is there by then stays
-        forecast = self._forecast(outlook.to_come)
+        forecast = self._forecast(outlook.to_come, outlook.likely)
         why = [*outlook.why]
         if not outlook.counted:
             why = [_CHECK]
@@ -505,14 +506,28 @@ class Beside(Closing):
             "ready": ready,
         }
 
-    def _forecast(self, played: tuple[int, int] | None) -> dict[str, Any]:
+    def _forecast(self, played: tuple[int, int] | None, likely: int | None) -> dict[str, Any]:
         """Return the parts of a reply on the number of questions to come."""
         to_come, least = self._to_come(played), sum(self._needed)
+        near = to_come is not None and self._is_near_end(to_come, likely)
         rose = to_come is not None and self._left.rose
         said = _ROSE if rose else ""
         if to_come is None and self._subject.least:
             said = f"{_FEWEST.format(n=least)} {_AFTER_THESE}" if least else _NO_FORECAST
-        return {"to_come": to_come, "at_least": least, "rose": rose, "forecast": said}
+        return {
+            "to_come": to_come,
+            "at_least": least,
+            "rose": rose and not near,
+            "near": near,
+            "forecast": said,
+        }
+
+    def _is_near_end(self, to_come: list[int], likely: int | None) -> bool:
+        """Return whether the end is close in half of the sessions simulated from here on."""
+        if likely is None or self._chosen.more or not to_come[0] <= _NEAR < to_come[1]:
+            return False
+        further = 0 if self._levels_left is None else self._levels_left[0]
+        return self._with_checks(max(self._needed[0], likely + further)) <= _NEAR
 
     def _with_checks(self, number: int) -> int:
         """Return the number of questions to come: this number, and the checks that come with it."""
@@ -525,9 +540,10 @@ class Beside(Closing):
         """Return the range of questions to come that is shown, or None if nothing is known.
 
         ``played`` are the least and the greatest number of questions in sessions simulated from
-        here on. Without them the range comes from the forecast on the welcome screen. If the person
-        asked for more questions, it comes from the questions about levels that are likely still to
-        come. If the result is not sure enough yet, some of these are added to its upper end.
+        here on. Until there are any, the range comes from the forecast on the welcome screen. No
+        range exceeds the largest number of questions in that forecast. If the person asked for more
+        questions, it comes from the questions about levels that are likely still to come. If the
+        result is not sure enough yet, some of these are added to its upper end.
         """
         put, least = self._conduct.put, sum(self._needed)
         if self._no_others:
@@ -538,7 +554,7 @@ class Beside(Closing):
             return None if shown is None else [*shown]
         if self._chosen.more != self._asks_more:  # what was shown before was about less
             self._asks_more, self._left = self._chosen.more, QuestionsLeft()
-        found = None
+        found, rough = None, False
         if self._chosen.more:
             if self._levels_left is None:
                 return None
@@ -553,10 +569,18 @@ class Beside(Closing):
             fewest, most = (0, 0) if played is None else played
             both = max(self._needed[0], fewest), max(self._needed[0], most) + further
             found = self._with_checks(both[0]), self._with_checks(both[1])
-        elif self._prospects is not None and (lengths := self._prospects.lengths()) is not None:
+            if self._prospects is not None:
+                cap = max(self._prospects.questions[-1] - put - 1, found[0])
+                found = found[0], min(found[1], cap)
+        elif (
+            not self._left.known
+            and self._prospects is not None
+            and (lengths := self._prospects.lengths()) is not None
+        ):
             fewest, most = (length - put - 1 for length in lengths)
             found = (max(0, fewest), most) if most >= max(1, least) else None
-        shown = self._left.shown(found, put, least)
+            rough = True
+        shown = self._left.shown(found, put, least, rough=rough)
         return None if shown is None else [*shown]
 
 

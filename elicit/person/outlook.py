@@ -26,11 +26,10 @@ from elicit.person.course.ranges import value_ranges
 from elicit.person.showing import Shown, printable
 from elicit.tutors.erring_tutor import says_left
 
-_PLAYS = 12
-"""Number of simulated sessions. Another session like them is within their range in 11 of 13 cases.
-Without the longest, which may be far longer than the others, it is in 10 of 13."""
-_FEWEST = 4  # least number of sessions to make a range of
-_FEWEST_SO_FAR = 5  # least number while others are still played
+_PLAYS = 12  # simulated sessions
+_FEWEST = 8  # least number of sessions that ended, to make a range of
+_FEWEST_LIKELY = 4  # least number to say what is likely
+_TAIL = 10  # one in so many is left out at either end, and the longest always: they are rare
 _SECONDS = 15.0  # time limit of all this, except for a last step
 _LONGEST = 60  # largest number of questions that are played
 _RUNS = 12  # simulated sessions at most
@@ -116,7 +115,10 @@ class Outlook:
         self.why: tuple[str, ...] = ()
         """The reason why the question is asked, in sentences."""
         self.to_come: tuple[int, int] | None = None
-        """The least and the greatest number of questions after this one; None if unknown."""
+        """The least and the greatest number of questions after this one, in the middle 80% of the
+        simulated sessions. It is None if too few of these have ended."""
+        self.likely: int | None = None
+        """The number in half of the simulated sessions at most; None if unknown."""
         self.ready = False
         """True if nothing will be added."""
         since = [*answered]
@@ -134,7 +136,7 @@ class Outlook:
             before is not None
         ):  # at once; the plays may be in use still, and go on only in ``steps``
             self._plays = before._going_on(self._answered)
-            self._count(_FEWEST)
+            self._count()
 
     def steps(self) -> Iterator[None]:
         """Compute the notes in steps, after the steps of ``before`` have ended.
@@ -177,8 +179,7 @@ class Outlook:
                 yield
             if not play.over:
                 break
-            self._count(_FEWEST_SO_FAR)
-        self._count(_FEWEST)
+            self._count()
 
     def _going_on(self, answered: list[Verdict | None]) -> list[_Play]:
         """Return the simulated sessions that began with these answers, without these answers."""
@@ -205,10 +206,14 @@ class Outlook:
         tell(play.asker, Answer(query, verdict))
         play.answers.append(verdict)
 
-    def _count(self, fewest: int) -> None:
+    def _count(self) -> None:
         played = sorted(len(play.answers) for play in self._plays if play.over)
-        if len(played) >= fewest:
-            self.to_come = played[0] - self.counted, played[-2] - self.counted
+        n = len(played)
+        if n >= _FEWEST_LIKELY:
+            self.likely = max(0, played[(n - 1) // 2] - self.counted)
+        if n >= _FEWEST:
+            least, most = played[n // _TAIL], played[-1 - max(1, n // _TAIL)]
+            self.to_come = max(0, least - self.counted), max(0, most - self.counted)
 
 
 def plausible_tutors(

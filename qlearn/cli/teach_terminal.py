@@ -232,6 +232,8 @@ class Terminal:
         least, most = beside["to_come"]
         if not most:
             return " (close to the end)"
+        if beside["near"]:
+            return f" (probably close to the end, at most about {most} more)"
         rose = ", more than it seemed before" if beside["rose"] else ""
         return f" (about {f'{least} to {most}' if least < most else most} more{rose})"
 

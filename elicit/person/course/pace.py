@@ -15,7 +15,8 @@ HASTY = 1.0
 """Seconds in which hardly anyone reads a question."""
 FEW_HASTY = 3
 """Answers in under a second that are worth a remark."""
-_KNOWN_AFTER = 3  # answers
+_KNOWN_AFTER = 3  # answers: from then on the person's own times count, by a fifth more each time
+_STEPS = 5
 _BREAK = 300.0  # seconds: a person who takes longer was away, and the rest does not count
 
 
@@ -26,7 +27,8 @@ class Pace:
     Attributes
     ----------
     seconds
-        Seconds for each question: the median of the person's own, once three are known.
+        Seconds for each question: the median of the person's own, once seven are known. From the
+        third answer on, it comes nearer to that with each answer, so that forecasts do not jump.
     spent
         Seconds spent on all answers so far, without breaks.
     hasty
@@ -45,7 +47,8 @@ class Pace:
         """Return the pace of the answers of a log that count."""
         said = [entry.metadata.get("latency") for entry in log if is_counted(entry)]
         took = [float(one) for one in said if isinstance(one, int | float) and one >= 0]
-        own = median(took) if len(took) >= _KNOWN_AFTER else SECONDS
+        share = min(1.0, max(0, len(took) - _KNOWN_AFTER + 1) / _STEPS)
+        own = SECONDS + share * (median(took) - SECONDS) if share else SECONDS
         return Pace(
             seconds=max(own, HASTY),
             spent=sum(one if one <= _BREAK else own for one in took),

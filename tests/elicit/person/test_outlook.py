@@ -30,7 +30,7 @@ from elicit import (
     choose,
 )
 from elicit.person.course.forecast import Stated
-from elicit.person.outlook import Outlook, what_is_open
+from elicit.person.outlook import Outlook, _Play, what_is_open
 from elicit.person.showing import show
 from qlearn import InteractivePolicyIteration, random_mdp
 from tests.thoroughness import scaled
@@ -123,6 +123,36 @@ def test_the_number_to_come_is_that_of_sessions_like_this_one(
     assert sum(least <= n <= most for n in to_come) >= scaled(2, 7)
 
 
+@pytest.mark.parametrize(
+    ("lengths", "to_come", "likely"),
+    [
+        ([4] * 11 + [60], (3, 3), 3),  # a single long one does not show
+        ([3, *range(5, 15), 60], (4, 13), 8),  # nor the shortest of twelve
+        ([3, 4, 5, 6, 7, 8, 9, 60], (2, 8), 5),
+        ([4, 4, 4, 60, 60, 4, 4], None, 3),  # too few for a range
+        ([4, 4, 60], None, None),
+        ([], None, None),
+    ],
+)
+def test_the_range_is_that_of_most_simulated_sessions(
+    lengths: list[int], to_come: tuple[int, int] | None, likely: int | None
+) -> None:
+    asker = learning(())
+    query = asker.ask()[0]
+    plays = [_Play(asker, lambda _: Verdict.EQUAL, [Verdict.EQUAL] * n, True) for n in lengths]
+    before = SimpleNamespace(_before=None, _going_on=lambda answered: plays)
+    found = Outlook(
+        asker,
+        show(query),
+        query,
+        lambda _: None,
+        lambda _: True,
+        0,
+        before,  # type: ignore[arg-type]
+    )
+    assert (found.to_come, found.likely) == (to_come, likely)
+
+
 def test_sessions_that_were_answered_alike_go_on() -> None:
     before, asker = outlook_of(learning(())), learning(())
     first = asker.ask()[0]
@@ -212,6 +242,30 @@ def test_an_interview_says_it_of_the_question_on_the_screen() -> None:
         assert interview.handle({"do": "outlook", "id": id})[
             "to_come"
         ]  # also of an asker that was given
+
+
+@pytest.mark.parametrize(
+    ("to_come", "likely", "near"),
+    [((1, 9), 2, True), ((1, 9), 3, False), ((1, 2), 1, False), ((4, 9), 2, False)],
+)
+def test_if_the_end_is_likely_close_it_is_said(
+    monkeypatch: pytest.MonkeyPatch, to_come: tuple[int, int], likely: int, near: bool
+) -> None:
+    monkeypatch.setattr("elicit.person.outlook._PLAYS", 0)
+    subject = Subject(MDP.labels, least=0)
+    with Session(learning, AnswerLog()) as session, Interview(session, subject) as interview:
+        id = interview.handle({"do": "practised", "choice": "a"})["question"]["id"]
+        until = time.monotonic() + 60
+        while not (reply := interview.handle({"do": "outlook", "id": id}))["ready"]:
+            assert time.monotonic() < until
+            threading.Event().wait(0.01)
+        assert not reply["near"]
+        beside = interview._beside._beside
+        assert beside is not None
+        assert beside.outlook is not None
+        beside.outlook.to_come, beside.outlook.likely = to_come, likely
+        reply = interview.handle({"do": "outlook", "id": id})
+    assert (reply["to_come"], reply["near"]) == ([*to_come], near)
 
 
 class OfLength:

@@ -600,7 +600,7 @@ def test_minutes_are_counted_in_questions_at_the_persons_own_pace() -> None:
         person.step()
         assert person.screen["budget"] is None
         person.step()
-        assert person.screen["time"] == {"planned": None, "spent": 75.0, "pace": 25.0}
+        assert person.screen["time"] == {"planned": None, "spent": 75.0, "pace": 21.0}
         assert person.until("end", MOST)["end"]["settled"]
 
 

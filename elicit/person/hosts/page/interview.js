@@ -545,7 +545,7 @@ export function mount(root, send, options = {}) {
     const sooner = screen.time.planned && (!beside.to_come || screen.budget - screen.answered <= beside.to_come[1]);
     progress.lastChild.textContent = sooner
       ? planned(screen.time, screen.saved, screen.budget - screen.answered)
-      : `${toCome(beside.to_come, screen.time.pace, beside.at_least)}${beside.rose ? ROSE : ""}`;
+      : `${toCome(beside.to_come, screen.time.pace, beside.at_least, beside.near)}${beside.rose ? ROSE : ""}`;
     fill(beside);
     steady(); // the words in the head may be two lines now
     const why = body.querySelector(".why");
@@ -1059,12 +1059,13 @@ function planned({ planned: minutes, spent }, answered, further) {
   return `${answered} answered, time for about ${more} more (${left < 1 ? "under 1" : left} of ${minutes} minutes left)`;
 }
 
-function toCome(range, seconds, atLeast) {
+function toCome(range, seconds, atLeast, near) {
   if (!range) return atLeast ? `at least ${atLeast} more` : "";
   const [least, most] = range;
   if (most === 0) return "close to the end"; // often, but not always, the last one
   const minutes = Math.max(1, Math.round((most * seconds) / 60));
   const time = `${minutes}\u00a0min`;
+  if (near) return `probably close to the end, at most about ${most} more`;
   if (least === most) return `about ${most} more, up to ${time}`;
   // no promise: an answer can open more than it closes
   return least === 0 ? `up to about ${most} more (${time})` : `about ${least} to ${most} more, up to ${time}`;

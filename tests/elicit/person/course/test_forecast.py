@@ -11,26 +11,49 @@ def test_a_forecast_counts_down_and_changes_only_if_it_is_off_by_much() -> None:
     assert left.shown((8, 18), 0, 9) == (9, 18)
     assert left.shown((6, 16), 1, 8) == (8, 17)  # off by one
     assert left.shown(None, 2, 7) == (7, 16)
-    assert left.shown((2, 9), 3, 0) == (2, 15)  # the lower end follows at once, ...
-    assert left.shown((2, 9), 3, 0) == (2, 15)
-    assert left.shown((2, 8), 4, 0) == (1, 14)
-    assert left.shown((1, 7), 5, 0) == (0, 7)  # ... and the upper one after three forecasts
+    assert left.shown((2, 9), 3, 0) == (2, 14)  # the lower end follows at once, ...
+    assert left.shown((2, 9), 3, 0) == (2, 14)
+    assert left.shown((2, 8), 4, 0) == (1, 8)  # ... and the upper one to two forecasts
+    assert left.shown((1, 7), 5, 0) == (0, 7)
     assert not left.rose
-    assert left.shown((1, 11), 6, 0) == (0, 11)  # off by four
+    assert left.shown((1, 11), 6, 0) == (0, 6)  # a single long one is not shown, ...
+    assert left.shown((1, 12), 7, 0) == (0, 10)  # ... but two of them are
     assert left.rose
 
 
-def test_a_forecast_that_rises_says_so_once() -> None:
+def test_one_long_forecast_is_not_shown_and_two_are_bit_by_bit() -> None:
     left = QuestionsLeft()
-    rose = []
-    forecasts = [(0, 3), (0, 2), (2, 9), (3, 9), (1, 8), (0, 7)]
+    rose, most = [], []
+    forecasts = [(0, 6), (0, 5), (2, 60), (0, 3), (2, 18), (2, 19), (2, 18), (0, 17)]
     for put, found in enumerate(forecasts):
         for _ in range(2):  # a page asks repeatedly
             shown = left.shown(found, put, 0)
             assert shown is not None
         rose.append(left.rose)
-        assert shown[1] >= found[1] - 2
-    assert rose == [False, False, True, False, False, False]
+        most.append(shown[1])
+    assert most == [6, 5, 4, 3, 7, 11, 15, 14]
+    assert rose == [False, False, False, False, True, True, True, False]
+
+
+def test_a_range_is_not_widened_while_one_question_is_read() -> None:
+    left = QuestionsLeft()
+    assert left.shown((4, 12), 0, 3, rough=True) == (4, 12)  # that of the welcome
+    assert left.shown((2, 24), 0, 3) == (4, 12)
+    assert left.shown(None, 1, 2) == (2, 16)  # at the next question, before its own forecast
+    assert left.rose
+    assert left.shown((1, 40), 1, 2) == (2, 16)
+    assert left.shown((1, 2), 1, 2) == (3, 11)  # narrower, and so it stays
+    assert left.shown((1, 40), 1, 2) == (3, 11)
+
+
+def test_without_forecasts_the_last_range_counts_down() -> None:
+    left = QuestionsLeft()
+    assert not left.known
+    assert left.shown((5, 16), 0, 3, rough=True) == (5, 16)
+    assert not left.known
+    assert [left.shown(None, put, 0) for put in range(1, 4)] == [(4, 15), (3, 14), (2, 13)]
+    assert left.shown((1, 6), 4, 0) == (1, 6)  # the rough one no longer counts
+    assert left.known
 
 
 def test_what_is_known_replaces_what_was_forecast() -> None:
@@ -39,7 +62,7 @@ def test_what_is_known_replaces_what_was_forecast() -> None:
     assert left.shown((3, 3), 1, 3, certain=True) == (3, 3)
     assert not left.rose
     assert left.shown((2, 2), 2, 2, certain=True) == (2, 2)
-    assert left.shown((2, 5), 3, 0) == (1, 5)  # an answer that nobody expected
+    assert left.shown((2, 5), 3, 0) == (2, 5)  # an answer that nobody expected
     assert left.rose
 
 

@@ -20,9 +20,10 @@ def log_of(*latencies: float | None) -> AnswerLog:
     [
         ((), SECONDS, 0, 0),
         ((4.0, 6.0), SECONDS, 10, 0),  # the pace is not known yet
-        ((4.0, None, 6.0, 9.0), 6, 19, 0),  # another program's line has no time
-        ((10.0, 10.0, 5000.0), 10, 30, 0),  # a break counts as one question
-        ((0.2, 0.99, 1.0), 1, 2.19, 2),  # no pace is below a second
+        ((5.0, None, 5.0, 9.0), 17, 19, 0),  # another program's line has no time
+        ((10.0, 10.0, 5000.0), 18, 38, 0),  # a break counts as one question
+        ((*[10.0] * 6, 5000.0), 10, 70, 0),
+        ((*[0.2] * 2, *[0.99] * 4, 1.0), 1, 5.36, 6),  # no pace is below a second
     ],
 )
 def test_the_pace_is_that_of_the_answers(
@@ -37,7 +38,18 @@ def test_the_pace_is_that_of_the_answers(
 def test_an_answer_that_was_taken_back_does_not_count() -> None:
     log = log_of(10.0, 0.1, 10.0, 30.0)
     log.retract("q1")
-    assert Pace.of(log) == Pace(10.0, 50.0, 0, 3)
+    assert Pace.of(log) == Pace(18.0, 50.0, 0, 3)
+
+
+@pytest.mark.parametrize("seconds", [5.0, 11.0, 60.0])
+def test_the_pace_comes_to_the_persons_own_without_a_jump(seconds: float) -> None:
+    paces = [Pace.of(log_of(*[seconds] * n)).seconds for n in range(12)]
+    assert paces[:3] == [SECONDS] * 3
+    assert paces[7:] == [seconds] * 5
+    assert np.abs(np.diff(paces)).max() <= 1.01 * abs(seconds - SECONDS) / 5
+    if seconds < SECONDS:  # time falls where the number of questions falls
+        minutes = [Pace.of(log_of(*[seconds] * n)).minutes_for(16 - n) for n in range(12)]
+        assert minutes == sorted(minutes, reverse=True)
 
 
 def test_three_fast_answers_are_said_and_fewer_are_not() -> None:
