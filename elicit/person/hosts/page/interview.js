@@ -47,6 +47,7 @@ export function mount(root, send, options = {}) {
   let reached = []; // by the number of answers: how far the bar was, and how many questions were still expected
   let circled = false; // whether a question was drawn in circles
   let barred = null; // id of the first question after that which is drawn in bars
+  let largest = 0; // total of a question so far
   let room = { width: 0 }; // px that a question may take, above its sides and on each side, and that the head takes
 
   const banner = part("div", "banner", { role: "alert" });
@@ -283,7 +284,9 @@ export function mount(root, send, options = {}) {
     const em = parseFloat(getComputedStyle(body).fontSize);
     const line = parseFloat(getComputedStyle(body).lineHeight);
     const top = waiting.parentNode; // of what is above the sides
-    const usual = LINES + (screen.legend.duration ? (narrow ? LINES_OF_DURATION : 1) : 0);
+    largest = Math.max(largest, screen.question.of);
+    const linesOfCircles = Math.min(MOST_LINES, Math.ceil(largest / 10));
+    const usual = LINES + (narrow && linesOfCircles > 2 ? 1 : 0) + (screen.legend.duration ? (narrow ? LINES_OF_DURATION : 1) : 0);
     const notes = parseFloat(getComputedStyle(slot).minHeight) + parseFloat(getComputedStyle(slot).marginBottom);
     room.head = Math.min(room.head, sheet.firstChild.offsetHeight);
     const more = sheet.firstChild.offsetHeight - room.head;
@@ -297,13 +300,15 @@ export function mount(root, send, options = {}) {
     const frame = cards[0].offsetHeight - tall[0].reduce((sum, one) => sum + one, 0);
     const least = parseFloat(getComputedStyle(counts[0][0] ?? pair).minHeight) || 0;
     const { levels } = screen.question;
-    const most = Math.max(least, MOST_LINES * LINE_OF_CIRCLES[narrow ? "narrow" : "wide"] * em);
-    const wanted = Math.max(levels * least, narrow ? most + 2 * least : 2 * most + Math.max(1, Math.min(levels, 4) - 2) * least);
+    const most = Math.max(least, (narrow ? linesOfCircles * LINE_OF_CIRCLES.narrow : MOST_LINES * LINE_OF_CIRCLES.wide) * em);
+    const wanted = Math.max(levels * least, 2 * most + Math.max(1, Math.min(levels, 4) - 2) * least);
+    // where a question can have more than a few circles, a narrow page is higher than its window
+    const needed = narrow && linesOfCircles > 2 ? most + Math.min(levels - 1, 3) * least : 0;
     const below = (narrow ? BELOW.narrow : BELOW.wide) * em;
     const above = room.head + room.lead + parseFloat(getComputedStyle(top.parentNode).paddingTop);
     const apart = narrow ? 2 : 1; // the sides are below each other
     const left = (room.height - above - below) / apart - frame;
-    const rows = Math.max(USUAL_ROWS * least, Math.min(wanted, left));
+    const rows = Math.max(USUAL_ROWS * least, needed, Math.min(wanted, left));
     room.card = Math.max(room.card, frame + rows, ...cards.map((card) => card.offsetHeight));
     const heights = tall.map((rows, i) => rows.map((one) => one + (room.card - cards[i].offsetHeight) / rows.length));
     for (const [i, rows] of counts.entries()) {
@@ -852,8 +857,8 @@ const USUAL_ROWS = 3; // levels that get room even in a low window
 const LINES = 2; // of the sentences above the sides
 const LINES_OF_DURATION = 2; // on a narrow page
 const MOST_LINES = 5; // of circles: ten in a line, and at most 50
-const LINE_OF_CIRCLES = { wide: 1.08, narrow: 1.1 }; // em, with the gap below it
-const BELOW = { wide: 9.7, narrow: 4.7 }; // em that the other answers take below the sides, and on a wide page what follows
+const LINE_OF_CIRCLES = { wide: 1.12, narrow: .96 }; // em, with the gap below it
+const BELOW = { wide: 9.05, narrow: 4.7 }; // em that the other answers take below the sides, and on a wide page what follows
 const BARS_OF_BROWSER = 120; // px
 const STEPS = 2; // how many times as far as expected the bar goes at one answer, unless that is not half the way
 const NARROW = 640; // px of width, as the style has it
