@@ -9,7 +9,7 @@ const KEYS = { ArrowLeft: "a", a: "a", ArrowRight: "b", b: "b", ArrowDown: "equa
 // From the worst level to the best, on a light and on a dark page: from red to blue, which nearly everybody tells apart,
 // and each lighter than the one before. All stand out from what is behind them by at least 3:1.
 const COLOURS = {
-  light: [[101, 26, 13], [131, 47, 3], [142, 82, 12], [65, 118, 131], [49, 131, 181], [56, 141, 221]],
+  light: [[71, 18, 9], [110, 33, 3], [104, 75, 9], [59, 108, 120], [46, 132, 169], [88, 150, 226]],
   dark: [[205, 76, 47], [219, 118, 46], [217, 161, 63], [145, 203, 209], [167, 220, 246], [212, 235, 253]],
 };
 const NUMBERS = ["no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"];
