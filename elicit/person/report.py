@@ -14,12 +14,12 @@ from elicit.person.findings import guess_in_words
 # from the worst level to the best, as the page interview.js has them
 COLOURS = {
     "light": (
-        (101, 26, 13),
-        (131, 47, 3),
-        (142, 82, 12),
-        (65, 118, 131),
-        (49, 131, 181),
-        (56, 141, 221),
+        (71, 18, 9),
+        (110, 33, 3),
+        (104, 75, 9),
+        (59, 108, 120),
+        (46, 132, 169),
+        (88, 150, 226),
     ),
     "dark": (
         (205, 76, 47),

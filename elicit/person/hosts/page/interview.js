@@ -9,7 +9,7 @@ const KEYS = { ArrowLeft: "a", a: "a", ArrowRight: "b", b: "b", ArrowDown: "equa
 // From the worst level to the best, on a light and on a dark page: from red to blue, which nearly everybody tells apart,
 // and each lighter than the one before. All stand out from what is behind them by at least 3:1.
 const COLOURS = {
-  light: [[101, 26, 13], [131, 47, 3], [142, 82, 12], [65, 118, 131], [49, 131, 181], [56, 141, 221]],
+  light: [[71, 18, 9], [110, 33, 3], [104, 75, 9], [59, 108, 120], [46, 132, 169], [88, 150, 226]],
   dark: [[205, 76, 47], [219, 118, 46], [217, 161, 63], [145, 203, 209], [167, 220, 246], [212, 235, 253]],
 };
 const NUMBERS = ["no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"];
@@ -47,6 +47,7 @@ export function mount(root, send, options = {}) {
   let reached = []; // by the number of answers: how far the bar was, and how many questions were still expected
   let circled = false; // whether a question was drawn in circles
   let barred = null; // id of the first question after that which is drawn in bars
+  let largest = 0; // total of a question so far
   let room = { width: 0 }; // px that a question may take, above its sides and on each side, and that the head takes
 
   const banner = part("div", "banner", { role: "alert" });
@@ -54,7 +55,9 @@ export function mount(root, send, options = {}) {
   const progress = part("div", "place"); // .progress has a style in notebooks
   const bar = part("div", "meter", { "aria-hidden": "true" }, [part("span")]);
   const note = part("p", "note", { role: "status" });
-  const trying = part("div", "trying"); // a button below the note
+  const trying = part("div", "trying"); // a button beside the note
+  const remarks = part("div", "remarks", { id: "elicit-remarks" }); // why a question is put, and the like
+  const slot = part("div", "slot", {}, [remarks, note, trying]); // a question has room for two lines here
   const waiting = part("p", "waiting", { role: "status" });
   const body = part("div", "body");
   const saved = part("span", "saved", { role: "status" });
@@ -62,7 +65,7 @@ export function mount(root, send, options = {}) {
   const sheet = part("div", "sheet", { tabindex: "-1" }, [
     part("div", "head", {}, [part("div", "wrap", {}, [brand, progress]), part("div", "wrap", {}, [bar])]),
     banner,
-    part("div", "middle", {}, [part("div", "wrap", {}, [waiting, note, trying, body])]),
+    part("div", "middle", {}, [part("div", "wrap", {}, [waiting, slot, body])]),
     part("div", "foot", {}, [part("div", "wrap", {}, [saved, nav])]),
   ]);
   hide(banner);
@@ -226,12 +229,15 @@ export function mount(root, send, options = {}) {
   function draw(moved) {
     following += 1;
     drawings += 1;
+    root.classList.add("still"); // what comes up under a resting pointer must not look chosen
     brand.replaceChildren(part("b", "", {}, [screen.title || "Your judgement"]));
     if (screen.title) brand.append(part("span", "soft", {}, ["your judgement"]));
     const stages = { welcome, practice: question, question, conflict: settling, offer, end };
     const views = { stage: stages[screen.stage], answers, pause, legend: meaning };
+    remarks.replaceChildren();
     const [at, ...parts] = views[view]();
     const heading = part("h1", "heading", { tabindex: "-1" }, at.heading);
+    if (remarks.firstChild) heading.setAttribute("aria-describedby", remarks.id); // they stand above it
     body.replaceChildren(heading, ...parts);
     sheet.dataset.stage = view === "stage" ? screen.stage : view;
     progress.replaceChildren(part("b", "", {}, [at.name]), part("span", "", {}, [at.more]));
@@ -258,9 +264,10 @@ export function mount(root, send, options = {}) {
     drawn = true;
   }
 
-  // The answers are at the same place in every question: what is above them, and the counts, get the room that the
-  // greatest question so far has taken at this width. A long note, and long words in the head, take of that room what
-  // they need.
+  // The answers are at the same place in every question. What is above them gets room for two lines of notes and for the
+  // usual sentences, and the sides get room for every level and for the most circles, as far as the window has it. A long
+  // note, and long words in the head, take of that room what they need. A question that needs more gets it, and so do all
+  // later ones.
   function steady() {
     const pair = body.querySelector(".lead + .pair");
     if (!pair) return;
@@ -268,22 +275,42 @@ export function mount(root, send, options = {}) {
     const counts = cards.map((card) => [...card.querySelectorAll(".row")]);
     lead.style.minHeight = "";
     for (const row of counts.flat()) row.style.minHeight = "";
-    if (room.width !== body.clientWidth) room = { width: body.clientWidth, lead: 0, card: 0, head: Infinity };
-    const down = (from) => pair.getBoundingClientRect().top - from.getBoundingClientRect().top;
-    const usual = body.clientWidth < NARROW ? USUAL_LINES_OF_NARROW : USUAL_LINES;
-    const lines = usual * parseFloat(getComputedStyle(body).lineHeight);
-    const least = parseFloat(getComputedStyle(counts[0][0] ?? pair).minHeight) || 0;
-    const rows = least * Math.max(0, USUAL_ROWS - counts[0].length);
-    room.lead = Math.max(room.lead, down(body), body.firstChild.offsetHeight + lines);
-    room.card = Math.max(room.card, ...cards.map((card) => card.offsetHeight + rows));
+    const { clientWidth: width } = body;
+    // the bars of a telephone's browser come and go
+    if (room.width !== width || Math.abs(room.height - window.innerHeight) > BARS_OF_BROWSER) {
+      room = { width, height: window.innerHeight, lead: 0, card: 0, head: Infinity };
+    }
+    const narrow = width < NARROW;
+    const em = parseFloat(getComputedStyle(body).fontSize);
+    const line = parseFloat(getComputedStyle(body).lineHeight);
+    const top = waiting.parentNode; // of what is above the sides
+    largest = Math.max(largest, screen.question.of);
+    const linesOfCircles = Math.min(MOST_LINES, Math.ceil(largest / 10));
+    const usual = LINES + (narrow && linesOfCircles > 2 ? 1 : 0) + (screen.legend.duration ? (narrow ? LINES_OF_DURATION : 1) : 0);
+    const notes = parseFloat(getComputedStyle(slot).minHeight) + parseFloat(getComputedStyle(slot).marginBottom);
     room.head = Math.min(room.head, sheet.firstChild.offsetHeight);
     const more = sheet.firstChild.offsetHeight - room.head;
-    lead.style.minHeight = `${Math.max(0, lead.offsetHeight + room.lead - more - down(waiting.parentNode))}px`;
+    const down = () => pair.getBoundingClientRect().top - top.getBoundingClientRect().top;
+    const between = down() - (lead.getBoundingClientRect().bottom - top.getBoundingClientRect().top);
+    const heading = body.firstChild.offsetHeight + parseFloat(getComputedStyle(body.firstChild).marginBottom);
+    room.lead = Math.max(room.lead, down() + more, notes + heading + (usual + 0.5) * line + between);
+    lead.style.minHeight = `${Math.max(0, lead.offsetHeight + room.lead - more - down())}px`;
     // the room that is left over is shared by the rows; all are measured before the first one changes
-    const heights = counts.map((rows, i) => {
-      const more = (room.card - cards[i].offsetHeight) / rows.length;
-      return rows.map((row) => row.getBoundingClientRect().height + more);
-    });
+    const tall = counts.map((rows) => rows.map((row) => row.getBoundingClientRect().height));
+    const frame = cards[0].offsetHeight - tall[0].reduce((sum, one) => sum + one, 0);
+    const least = parseFloat(getComputedStyle(counts[0][0] ?? pair).minHeight) || 0;
+    const { levels } = screen.question;
+    const most = Math.max(least, (narrow ? linesOfCircles * LINE_OF_CIRCLES.narrow : MOST_LINES * LINE_OF_CIRCLES.wide) * em);
+    const wanted = Math.max(levels * least, 2 * most + Math.max(1, Math.min(levels, 4) - 2) * least);
+    // where a question can have more than a few circles, a narrow page is higher than its window
+    const needed = narrow && linesOfCircles > 2 ? most + Math.min(levels - 1, 3) * least : 0;
+    const below = (narrow ? BELOW.narrow : BELOW.wide) * em;
+    const above = room.head + room.lead + parseFloat(getComputedStyle(top.parentNode).paddingTop);
+    const apart = narrow ? 2 : 1; // the sides are below each other
+    const left = (room.height - above - below) / apart - frame;
+    const rows = Math.max(USUAL_ROWS * least, needed, Math.min(wanted, left));
+    room.card = Math.max(room.card, frame + rows, ...cards.map((card) => card.offsetHeight));
+    const heights = tall.map((rows, i) => rows.map((one) => one + (room.card - cards[i].offsetHeight) / rows.length));
     for (const [i, rows] of counts.entries()) {
       for (const [j, row] of rows.entries()) row.style.minHeight = `${heights[i][j]}px`;
     }
@@ -428,14 +455,14 @@ export function mount(root, send, options = {}) {
     const practice = screen.stage === "practice";
     const name = practice ? "Practice" : `Question ${asked.number}`;
     const parts = asked.sentences.map((sentence) => part("p", "same", {}, [sentence]));
-    if (practice) parts.unshift(part("p", "practice", {}, [TRY, circles(asked)]));
+    if (practice) remarks.append(part("p", "practice", {}, [TRY, circles(asked)]));
     if (screen.legend.duration) parts.push(part("p", "soft same duration", {}, [screen.legend.duration]));
     if (asked.icons) circled = true;
     else if (circled) barred ??= asked.id;
-    if (asked.id === barred) parts.push(part("p", "soft same bars", {}, [BARS]));
+    if (asked.id === barred) remarks.append(part("p", "soft bars", {}, [BARS]));
+    if (asked.check) remarks.append(part("p", "check", {}, [asked.check]));
     const lead = part("div", "lead", {}, parts.splice(0));
     parts.push(lead, sides(asked), others());
-    if (asked.check) parts.push(part("p", "check", {}, [asked.check])); // below, so that nothing above moves
     if (!practice) {
       const why = part("details", "why", {}, [part("summary", "", {}, ["Why this question?"])]);
       parts.push(why);
@@ -449,11 +476,11 @@ export function mount(root, send, options = {}) {
     const counts = asked.rows.flatMap((row) => [row.a, row.b]);
     const most = Math.max(1, ...counts);
     const pair = part("div", "pair");
-    if (most > 20 && asked.icons) pair.classList.add("small");
-    if (asked.rows.length > 7) pair.classList.add("many");
-    pair.style.setProperty("--digits", thousands(most).length);
+    // the sizes are the same in every question
+    if (asked.levels > 7) pair.classList.add("many");
+    pair.style.setProperty("--digits", asked.icons ? 2 : thousands(asked.of).length);
     // a longer word may be broken
-    const word = Math.max(...asked.rows.flatMap((row) => row.label.split(/[\s-]+/).map((one) => one.length)), 0);
+    const word = Math.max(...asked.labels.flatMap((label) => label.split(/[\s-]+/).map((one) => one.length)), 0);
     pair.style.setProperty("--word", `${0.6 * Math.min(12, word)}em`);
     for (const [i, side] of ["a", "b"].entries()) {
       const words = `${asked.sides[i]} is better`;
@@ -465,7 +492,6 @@ export function mount(root, send, options = {}) {
       if (live) {
         const pick = button("pick", words, () => answer(side, words), key, shortcut);
         pick.dataset.choice = side;
-        root.classList.add("still"); // a card that comes up under a resting pointer must not look chosen
         card.append(pick); // its ::after covers the card, so that the whole card is the button
         card.classList.add("live");
       } else if (chosen === side) {
@@ -695,10 +721,13 @@ export function mount(root, send, options = {}) {
     ]);
     const label = part("label", "", { for: id }, ["Filter the table "]);
     const scrolls = part("div", rows.length > FEW ? "scrolls" : "scrolls all", { tabindex: "0", role: "region", "aria-label": title }, [table]);
-    const words = rows.length === 1 ? `Show the ${of}` : `Show the ${rows.length} ${several}`;
+    const words = rows.length === 1 ? `the ${of}` : `the ${rows.length} ${several}`;
+    const summary = part("summary", "", {}, [`Show ${words}`]);
     const choice = kinds.length ? [part("label", "", { for: `${id}-kind` }, ["Show "]), kind] : [];
     const filters = rows.length > FEW ? [part("div", "filter", {}, [label, field, ...choice, found])] : [];
-    return part("details", "panel", {}, [part("summary", "", {}, [words]), ...said, ...filters, scrolls]);
+    const made = part("details", "panel", {}, [summary, ...said, ...filters, scrolls]);
+    made.addEventListener("toggle", () => say(summary, `${made.open ? "Hide" : "Show"} ${words}`));
+    return made;
   }
 
   // Answers that contradict each other, each of which can be taken back.
@@ -830,9 +859,13 @@ export function mount(root, send, options = {}) {
   };
 }
 
-const USUAL_ROWS = 3; // levels that a question shows, and lines above its sides: one with less gets as much room
-const USUAL_LINES = 3;
-const USUAL_LINES_OF_NARROW = 3;
+const USUAL_ROWS = 3; // levels that get room even in a low window
+const LINES = 2; // of the sentences above the sides
+const LINES_OF_DURATION = 2; // on a narrow page
+const MOST_LINES = 5; // of circles: ten in a line, and at most 50
+const LINE_OF_CIRCLES = { wide: 1.12, narrow: .96 }; // em, with the gap below it
+const BELOW = { wide: 9.05, narrow: 4.7 }; // em that the other answers take below the sides, and on a wide page what follows
+const BARS_OF_BROWSER = 120; // px
 const STEPS = 2; // how many times as far as expected the bar goes at one answer, unless that is not half the way
 const NARROW = 640; // px of width, as the style has it
 const WIDE = 40; // width of a range, of 100, from which it is called wide
@@ -1010,6 +1043,8 @@ function worth(scale, certainty, notes, small) {
     part("caption", "soft", {}, [small ? ends : `${ends} ${said}`]),
     part("thead", "", { role: "rowgroup" }, [part("tr", "", { role: "row" }, head)]),
     part("tbody", "", { role: "rowgroup" }, rows),
+    // a narrow page has the axis here, for there the heads stand right above the numbers
+    part("tfoot", "", { role: "rowgroup" }, [part("tr", "", { role: "row" }, [part("td", "drawn", { role: "cell" }, [axis()])])]),
   ]);
   const below = (small ? [said, ...notes] : notes).join(" ");
   const noted = below ? [part("p", "soft small below", {}, [below])] : [];
