@@ -486,12 +486,10 @@ class Beside(Closing):
             why = [FURTHER] if id.startswith(LEVEL) and not self._chosen.more else []
             why = [self._reason] if self._reason else why
             why = [_CHECK] if id.endswith(AGAIN) else why
-            return {
-                "id": id,
-                "why": why,
-                **self._forecast(None, None),
-                "ready": True,
-            }
+            forecast = self._forecast(None, None)
+            if now is None or now.shown != id:  # it is not the question on the screen
+                forecast.update(to_come=None, rose=False, near=False)
+            return {"id": id, "why": why, **forecast, "ready": True}
         ready = outlook.ready  # read first: whatever is there by then stays
         forecast = self._forecast(outlook.to_come, outlook.likely)
         why = [*outlook.why]
