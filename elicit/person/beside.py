@@ -34,10 +34,7 @@ from elicit.person.session import Session
 from elicit.person.showing import Shown, Subject, shown_of
 from elicit.tutors.answer_log import REPEATS
 
-_CHECK = (
-    "Some questions check earlier answers. They show how far your answers can be relied on. If you "
-    "answer as before, the result stays as it is."
-)
+_CHECK = "Some questions check earlier answers. They show how far your answers can be relied on."
 _ORDER = "This question checks that you see the levels in the order in which they are listed."
 _FEWEST = (
     "“At least {n} more” are the answers and checks without which no result is called settled."

@@ -32,7 +32,13 @@ from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
 from elicit.person.course.kept_in_log import Choices
 from elicit.person.course.pace import Pace
-from elicit.person.findings import certainty, guess_in_words, scale_notes, scale_rows
+from elicit.person.findings import (
+    ScaleRow,
+    certainty,
+    guess_in_words,
+    scale_notes,
+    scale_rows,
+)
 from elicit.person.next_question import NextQuestion
 from elicit.person.outlook import Prospect
 from elicit.person.report import ReportDetails, report_page
@@ -286,7 +292,7 @@ class Drawing:
             self.answers()["answers"],
             waiting=whole,
             details=ReportDetails(
-                who=printable(self._session.who or "not named"),
+                who=printable(self._session.who or ""),
                 log=None if log.path is None else printable(log.path.name),
                 checksum=log.checksum,
                 preamble=about_questions(self._subject.words),
@@ -419,6 +425,8 @@ class Drawing:
         rows = [] if known is None else scale_rows(known, subject.labels, session.log)
         scale = [row._asdict() for row in rows]
         settled = found.settled and caution is None and enough
+        rests = settled and changes is not None and changes.open is not None
+        status = "Settled" if settled else "Little left to gain" if nearly else "Not settled"
         return {
             "headline": printable(headline),
             "effect": printable(effect),
@@ -431,7 +439,7 @@ class Drawing:
             "caution": caution,
             "remarks": self._remarks() if subject.least else [],
             "settled": settled,
-            "status": "Settled" if settled else "Little left to gain" if nearly else "Not settled",
+            "status": "Enough is known" if rests else status,
             "more": left,
             "finished": over,
             "open": f"There is no finer question in whole numbers. {subject.finer}".strip()
@@ -439,7 +447,9 @@ class Drawing:
             else None,
             "scale": scale,
             "by_chance": conduct.by_chance if subject.least else "",
-            "scale_notes": [] if known is None else scale_notes(rows, known, settled=settled),
+            "scale_notes": []
+            if known is None
+            else scale_notes(rows, known, settled, self._rows_as_given()),
             "certainty": None
             if known is None
             else f"{certainty(known)}{'' if caution is None else f', {_IF_MEANT}'}",
@@ -466,6 +476,11 @@ class Drawing:
             "checks": counts.checks,
             "conflicts": self._conflicts(),
         }
+
+    def _rows_as_given(self) -> list[ScaleRow]:
+        """Return the rows of the scale if each answer is as given; none if that cannot be."""
+        given = self._session.as_given()
+        return [] if given is None else scale_rows(given, self._subject.labels, self._session.log)
 
     def is_settled(self) -> bool:
         """Return ``settled`` of the screen at the end, without drawing the rest of it."""

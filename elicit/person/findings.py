@@ -24,15 +24,18 @@ _FEW = 3  # levels that are named in a sentence
 _MOST_OF_ROOM = 1 / 3  # share of the room between the neighbours that a wider range may cover
 
 _NOT_KNOWN = "“Not known yet” (no dot): no answer is about it, or none narrows its range."
-_ROUGHLY = "“About” (hollow dot): a rough best guess, in a wide range."
-_FOR_MISTAKES = (
-    "Any one answer may be a mistake, so a range stays wide until several answers agree."
+_ROUGHLY = (
+    "Hollow dot: a rough best guess, “about” so much. It has no number where the range is over 40."
 )
 _WIDE_BUT_HEARD = (
     "{named} still {has} a wide range although you answered about {it}, because any one answer may "
     "be a mistake."
 )
-_WIDE_FOR_FEW = "{named} still {has} a wide range, because few answers are about {it}."
+_WIDE_FOR_FEW = "{named} still {has} a wide range. More answers about {it} would narrow it."
+_AS_GIVEN = (
+    "Taken as given, your answers put {put}. The wide range also allows for any one of them being "
+    "a mistake."
+)
 _NARROWING = (
     "About {questions} more questions about levels would narrow every range to {width:.0f} or less."
 )
@@ -81,20 +84,30 @@ def guess_in_words(value: float, known: bool, rough: bool, width: float = 0.0) -
     return f"about {value:.0f}" if rough else "not known yet"
 
 
-def scale_notes(rows: Sequence[ScaleRow], comparator: Comparator, settled: bool) -> list[str]:
+def scale_notes(
+    rows: Sequence[ScaleRow],
+    comparator: Comparator,
+    settled: bool,
+    as_given: Sequence[ScaleRow] = (),
+) -> list[str]:
     """Return sentences beside the rows of a comparator: on wide ranges, and on the order.
 
-    ``settled`` is True if the result is settled.
+    Parameters
+    ----------
+    rows : sequence of ScaleRow
+    comparator : Comparator
+    settled : bool
+        True if the result is settled.
+    as_given : sequence of ScaleRow
+        The rows of a comparator that takes every answer as given; none if the answers contradict
+        each other.
     """
     hollow = [row for row in rows if not row.known]
-    errs = trusted_share(comparator) is not None or wrong_of(comparator) > 0
-    notes = _on_wide(rows, comparator)
+    notes = _on_wide(rows, comparator, as_given)
     if not all(row.rough for row in hollow):
         notes.append(_NOT_KNOWN)
     if any(row.rough for row in hollow):
         notes.append(_ROUGHLY)
-        if errs and not any(map(_is_wide, rows)):
-            notes.append(_FOR_MISTAKES)
     if hollow:
         it = "it" if len(hollow) == 1 else "them"
         named = listed([f"“{row.label}”" for row in hollow])
@@ -107,26 +120,46 @@ def scale_notes(rows: Sequence[ScaleRow], comparator: Comparator, settled: bool)
     return notes
 
 
-def _is_wide(row: ScaleRow) -> bool:
-    """Return whether a range is wide although answers are about the level."""
-    return row.asked and row.high - row.low > WIDE
+def _on_wide(
+    rows: Sequence[ScaleRow], comparator: Comparator, as_given: Sequence[ScaleRow]
+) -> list[str]:
+    """Return sentences on why ranges that answers are about are wide, and what narrows them.
 
-
-def _on_wide(rows: Sequence[ScaleRow], comparator: Comparator) -> list[str]:
-    """Return a sentence on why ranges that answers are about are wide, and what narrows them."""
-    wide = [row for row in rows if _is_wide(row)]
+    They name just the rows that have no exact best guess although they are ``asked``.
+    """
+    wide = [row for row in rows if row.asked and not row.known]
     if not wide:
         return []
     sure = trusted_share(comparator) is not None
     each = [f"“{row.label}” ({row.low:.0f} to {row.high:.0f})" for row in wide]
     words = {"has": "has", "it": "it"} if len(wide) == 1 else {"has": "have", "it": "them"}
     because = _WIDE_BUT_HEARD if sure or wrong_of(comparator) > 0 else _WIDE_FOR_FEW
-    said = because.format(named=listed(each), **words)
-    if not sure:  # how many questions it takes was measured for a posterior
+    said = f"{because.format(named=listed(each), **words)} {_heard(wide, as_given)}".strip()
+    if not sure or not any(
+        row.high - row.low > WIDE for row in rows
+    ):  # how many questions it takes was measured for a posterior
         return [said]
     least, most = questions_to_narrow([row.high - row.low for row in rows])
     questions = f"{least} to {most}" if least < most else f"{most}"
     return [f"{said} {_NARROWING.format(questions=questions, width=WIDE)}"]
+
+
+def _heard(wide: Sequence[ScaleRow], as_given: Sequence[ScaleRow]) -> str:
+    """Return sentences on what answers say of wide rows if each is as given, or ""."""
+    given = {row.label: row for row in as_given}
+    heard = [
+        f"“{row.label}” {_between(one.low, one.high)}"
+        for row in wide
+        if (one := given.get(row.label)) and one.high - one.low < row.high - row.low
+    ]
+    return _AS_GIVEN.format(put=listed(heard)) if heard else ""
+
+
+def _between(low: float, high: float) -> str:
+    """Return a range from 0 to 100 in words."""
+    if low <= 0.0:
+        return f"at {high:.0f} or less"
+    return f"at {low:.0f} or more" if high >= 100.0 else f"at {low:.0f} to {high:.0f}"
 
 
 def overlap(rows: Sequence[ScaleRow]) -> bool:

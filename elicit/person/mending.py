@@ -20,8 +20,8 @@ from elicit.person.session import Session
 from elicit.person.showing import Subject, printable, shown_of
 from elicit.tutors.answer_log import REPEATS, Entry
 
-_AGAIN = "Check question: the same as question {n}, with the sides {how}. Choose as you see it now."
-_SWAPPED = {True: "swapped", False: "as they were"}
+_AGAIN = "Check question: the same as question {n}, with {how}. Choose as you see it now."
+_SWAPPED = {True: "the sides swapped", False: "the same sides"}
 _ONLY_CHECKS = " Only repeated questions are left, as checks: this one and {n} more."
 _ORDER = "Check question: this one is about the order of the levels."
 # not called a check: the result does not count it as one
@@ -31,8 +31,8 @@ IMPLIED = (
 )
 """The reason for a question whose answer follows from others."""
 _CHECK_TAKEN_BACK = (
-    "This is the same check again, because you took back your answer to it. Your first answer to "
-    "this question still stands. Choose as you see it now."
+    "This is the same check again, because you took back your answer to it. It repeats question "
+    "{n}. Your answer to question {n} still stands. Choose as you see it now."
 )
 _NOT_KEPT = (
     "This is the same question again: you did not keep your answer to it, which contradicted "
@@ -77,7 +77,7 @@ class Mending:
             if entry.answer.query.id == query.id and entry.retracted and not was_settled(entry)
         ]
         if self._session.is_repeat(query.id):
-            return _CHECK_TAKEN_BACK if gone else self._again(query, only_checks)
+            return self._again(query, only_checks, taken_back=bool(gone))
         if gone:
             return _NOT_KEPT if gone[-1] == "not kept" else _TAKEN_BACK
         if query.id.startswith(ORDER):
@@ -88,12 +88,14 @@ class Mending:
             return self._purpose_of(query)
         return IMPLIED
 
-    def _again(self, query: Query, only_checks: int) -> str:
+    def _again(self, query: Query, only_checks: int, taken_back: bool) -> str:
         """Return sentences on an earlier question that is put again, and on why it comes now."""
         first = self._session.first_answer(query)
         assert first is not None
-        swapped = shown_of(self._subject, query).swapped != first.swapped
         n = self._drawing.number_of(first.query.id)
+        if taken_back:
+            return _CHECK_TAKEN_BACK.format(n=n)
+        swapped = shown_of(self._subject, query).swapped != first.swapped
         said = _AGAIN.format(n=n, how=_SWAPPED[swapped])
         return f"{said}{_ONLY_CHECKS.format(n=only_checks - 1)}" if only_checks > 1 else said
 

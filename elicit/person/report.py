@@ -108,6 +108,10 @@ _FEW_COLUMNS = 3  # that fit beside each other on a phone
 _NUMBER = re.compile(r"-|not known yet|-?\d[\d.,]*( to \d+)?( \((at least|or) [^)]*\))?")
 
 
+NAMED = {"sure": "How sure", "size": "How close", "next": "Next", "before": "Before"}
+"""The names of parts of a conclusion on screens and in reports, in their order."""
+
+
 @dataclass(frozen=True)
 class ReportDetails:
     """Further parts of a report.
@@ -171,7 +175,8 @@ def report_page(
     str
     """
     name = title or "Your judgement"
-    person = f"Person: {escaped(details.who)}, called “you” here. " if details.who else ""
+    person = f"Answers of {escaped(details.who)}. “You” in this report is {escaped(details.who)}. "
+    person = person if details.who else "“You” in this report is the person who answered. "
     n = end["counts"]["answered"]
     parts = [
         f"<h1>{escaped(name)}: a report</h1>",
@@ -250,9 +255,12 @@ def _headline(end: Mapping[str, Any]) -> Iterator[str]:
         yield f'<p class="headline">{escaped(end["headline"])}</p>'
     if end.get("caution"):
         yield f'<p class="caution">{escaped(end["caution"])}</p>'
-    for name in ("effect", "reason", "sure", "size", "before"):
+    for name in ("effect", "reason"):
         if end.get(name):
             yield f"<p>{escaped(end[name])}</p>"
+    for name, words in NAMED.items():
+        if end.get(name) and name != "next":  # that says what to do on the screen
+            yield f"<p><b>{words}:</b> {escaped(end[name])}</p>"
     for said in end.get("remarks", ()):
         yield f'<p class="caution">{escaped(said)}</p>'
 

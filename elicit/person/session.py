@@ -22,7 +22,7 @@ from elicit._support.seeds import seed_of
 from elicit._support.validation import is_number, require
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import bounds_of
-from elicit.model.comparator_parts import tie_of
+from elicit.model.comparator_parts import tie_of, unordered_of
 from elicit.model.difference import tail_sums
 from elicit.model.pairs import same_pairs
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
@@ -581,6 +581,21 @@ class Session(Closing):
         )
         low, high = bounds_of(comparator, query.d[None, :])
         return bool(low[0] > _CERTAIN or high[0] < -_CERTAIN)
+
+    def as_given(self) -> PolytopeComparator | None:
+        """Return a comparator that takes each answer as right, or None.
+
+        It is None if answers contradict each other, if several people answered, or if the order of
+        two levels is open. As in ``conflicts``, two things that the person calls equal may differ
+        a little.
+        """
+        told = [e for e in self._log if counts(e) and e.answer.verdict is not None]
+        asker = self.current_asker()
+        opens = isinstance(asker, Compares) and unordered_of(asker.comparator) is not None
+        if not told or opens or len({entry.answer.who for entry in told}) > 1:
+            return None
+        comparator, kept = self._taken_for_true(told, len(told[0].answer.query.left))
+        return comparator if len(kept) == len(told) else None
 
     def _taken_for_true(
         self, entries: Sequence[Entry], k: int

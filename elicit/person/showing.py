@@ -57,8 +57,9 @@ class Words:
     note
         A text beside every result, such as "Not medical advice."
     loss
-        A loss in the problem's own unit, as a clause that follows "as much value as if", such as
-        "{n} patients died instead of recovering". "{n}" stands for a text such as "3.8 in 100".
+        A loss in the problem's own unit, as a clause that follows "as much as it would matter to
+        you if", such as "{n} patients died instead of recovering". "{n}" stands for a text such as
+        "3.8 in 100".
     source
         Where the problem's figures come from, as words that follow "The figures come from", such as
         "the 2019 hip registry".

@@ -224,15 +224,18 @@ def _facts(
     assumed = {
         "polytope": "It assumes that every answer you gave is right. One wrong answer can make it "
         "wrong.",
-        "posterior": "The 95% allows for mistakes. It is an average over many possible people, not "
-        "a promise for each of them.",
+        "posterior": "The 95% allows for mistakes. It is an average over many possible people: for "
+        "one person it may be more or less.",
     }
     limits = [assumed[comparator]] if comparator in assumed else []
     limits.append("Only the outcomes that were shown are compared, and nothing else about them.")
     if valued:
         limits.append(valued)
     if name == "icu-sepsis":
-        limits.append("“As if patients died” gives lost value a size that is easy to picture.")
+        limits.append(
+            "“If patients died instead of recovering” gives lost value a size that is easy to "
+            "picture. It is not a forecast."
+        )
     if like:
         people = f"{len(like)} earlier {'person' if len(like) == 1 else 'people'}"
         more = (

@@ -14,6 +14,7 @@ from elicit._support.file_errors import in_words
 from elicit.person.course.counts import Counts, in_answers
 from elicit.person.findings import ScaleRow, guess_in_words
 from elicit.person.interview import Interview, Subject
+from elicit.person.report import NAMED
 from elicit.person.session import Session
 from elicit.person.showing import NARROWEST, Choice, printable
 from elicit.tutors.log_file import BadLog
@@ -306,11 +307,8 @@ def report_lines(screen: dict[str, Any], width: int) -> list[str]:
         end["caution"],
         end["effect"],
         end["reason"],
-        end["sure"],
-        end["size"],
-        end["before"],
+        *(f"{words}: {end[name]}" for name, words in NAMED.items() if end[name]),
         *end["remarks"],
-        end["next"],
     )
     lines += [sentence for sentence in said if sentence]
     lines += ["", " ".join(filter(None, [end["given"], end["checks"], end["by_chance"]]))]

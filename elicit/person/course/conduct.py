@@ -50,7 +50,7 @@ MOST_CHECKS = 11
 """A person who has not passed after this many checks is told so."""
 _SHOWS_LITTLE = "So these checks do not show yet whether you meant your answers."
 _SHOWS_SOME = "So these checks speak for your answers. More of them would be more convincing."
-_SHOWS_MUCH = "So these checks show that your answers were hardly given at random."
+_SHOWS_MUCH = "So these checks show that your answers were probably not given at random."
 _RARE = 25  # cases: answers by chance that do so well in one of more are rare
 _MORE_ALIKE = 2  # further checks that must be answered alike for each that was not
 _EVERY = 4  # answers for each check, where the interview wants some

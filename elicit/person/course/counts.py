@@ -23,7 +23,14 @@ KEPT = "kept"
 """The metadata of an answer that was not kept: the id of the answer that was kept instead."""
 
 Status = Literal[
-    "learned from", "cannot tell", "ignored", "agrees", "differs", "taken back", "not kept"
+    "learned from",
+    "cannot tell",
+    "ignored",
+    "agrees",
+    "differs",
+    "checks the order",
+    "taken back",
+    "not kept",
 ]
 
 
@@ -31,7 +38,8 @@ def status_of(entry: Entry) -> Status:
     """Return what became of an answer, in the words of every list, report and table.
 
     A repeat that "agrees" confirms the answer that is learned from, and is not learned again. One
-    that "differs" is not settled: the first answer is the one learned from. Of answers that
+    that "differs" is not settled: the first answer is the one learned from. An answer that "checks
+    the order" is about two neighbouring levels, whose order is known before. Of answers that
     contradict each other, and of a repeat and a first answer that differ, the person may keep one:
     the others are "not kept".
     """
@@ -46,7 +54,9 @@ def status_of(entry: Entry) -> Status:
         return "differs" if differs(entry) else "agrees"
     if entry.answer.verdict is None:
         return "cannot tell"
-    return "learned from" if entry.used else "ignored"
+    if not entry.used:
+        return "ignored"
+    return "checks the order" if entry.answer.query.id.startswith(ORDER) else "learned from"
 
 
 def stands(status: Status) -> bool:
@@ -106,8 +116,8 @@ class Counts:
     Attributes
     ----------
     answered
-        Answers that stand. ``learned``, ``cannot_tell``, ``unused``, ``agreeing`` and ``differing``
-        add up to this number (see ``status_of``).
+        Answers that stand. ``learned``, ``cannot_tell``, ``unused``, ``agreeing``, ``differing``
+        and ``ordering`` add up to this number (see ``status_of``).
     repeated
         Answers to repeated questions, also if the person settled a difference for another answer.
     alike
@@ -120,6 +130,8 @@ class Counts:
         Answers that are ignored because they contradict others.
     agreeing, differing
         Repeats that agree with the answer learned from, and others that stand.
+    ordering
+        Answers that check the order of the levels.
     withdrawn
         Answers that the person took back, which are not in ``answered``.
     not_kept
@@ -136,6 +148,7 @@ class Counts:
     differing: int = 0
     withdrawn: int = 0
     not_kept: int = 0
+    ordering: int = 0
 
     @staticmethod
     def of(log: Iterable[Entry]) -> Counts:
@@ -157,12 +170,13 @@ class Counts:
             differing=n["differs"],
             withdrawn=n["taken back"],
             not_kept=n["not kept"],
+            ordering=n["checks the order"],
         )
 
     @property
     def learned(self) -> int:
-        """Number of answers that comparators learn from."""
-        others = self.cannot_tell + self.unused + self.agreeing + self.differing
+        """Number of answers that comparators learn from, without checks of the order."""
+        others = self.cannot_tell + self.unused + self.agreeing + self.differing + self.ordering
         return self.answered - others
 
     def record(self) -> dict[str, int]:
@@ -187,10 +201,14 @@ class Counts:
         differs = "a repeat that differs from the first answer, which counts"
         if self.differing > 1:
             differs = "repeats that differ from the first answers, which count"
+        orders = "a check of the order of the levels"
+        if self.ordering > 1:
+            orders = "checks of the order of the levels"
         kinds = (
             (self.learned, f"learned from{equal}"),
             (self.agreeing, agrees),
             (self.differing, differs),
+            (self.ordering, orders),
             (self.cannot_tell, "“cannot tell”"),
             (self.unused, "ignored for contradicting others"),
         )

@@ -129,6 +129,7 @@ def use_of(entry: Entry, in_conflict: bool = False) -> str:
         "not kept": "no: not kept, another answer counts",
         "agrees": "check: it agrees, so it confirms the answer that is learned from",
         "differs": "check: it differs from the first answer, which is the one learned from",
+        "checks the order": "yes, as a check of the order of the levels",
         "cannot tell": "no: it says cannot tell",
         "ignored": "no: it contradicts others",
         "learned from": "yes, though it contradicts others" if in_conflict else "yes",

@@ -12,7 +12,6 @@ from elicit.model.comparator_parts import wrong_of
 from elicit.model.outcomes import assumed_of_answers
 from elicit.person.course.conclusion import (
     NO_LOSS,
-    NOT_A_FORECAST,
     in_unit,
     per_hundred,
     with_probability,
@@ -68,7 +67,7 @@ class InWords:
 
 
 def size_of(told: InWords, loss: float, what: str, confidence: float | None) -> str:
-    """Return sentences on how much a loss is, in the problem's own unit, or "" if unknown.
+    """Return a sentence on how much a loss is, in the problem's own unit, or "" if unknown.
 
     Nothing is said of a loss that is shown as none, because "as if 0 in 100 patients died" has no
     size. ``what`` is the loss in words, before "at most" and its size. ``confidence`` is None if it
@@ -78,7 +77,7 @@ def size_of(told: InWords, loss: float, what: str, confidence: float | None) -> 
         return ""
     sure = with_probability(confidence)
     end = f" ({sure})" if sure else ""
-    return f"{capital(what)} at most {told.loss(loss)}{end}. {NOT_A_FORECAST}"
+    return f"{capital(what)} at most {told.loss(loss)}{end}."
 
 
 def size_and_end(told: InWords, loss: float, what: str, confidence: float) -> str:
@@ -100,10 +99,15 @@ def is_little(told: InWords, loss: float, before: float | None) -> bool:
 
 def sure_of(result: Result | Choice) -> str:
     """Return a sentence on how certain the bound on the loss is."""
+    sure = condition_of(result)
+    return "How sure this is cannot be stated." if sure is None else f"This holds {sure}."
+
+
+def condition_of(result: Result | Choice) -> str | None:
+    """Return how certain the bound on the loss is, such as "with 95% probability", or None."""
     if result.confidence == 1.0:
-        return f"This holds {assumed_of_answers(wrong_of(result.comparator), 'your')}."
-    sure = with_probability(result.confidence)
-    return f"This holds {sure}." if sure else "How sure this is cannot be stated."
+        return assumed_of_answers(wrong_of(result.comparator), "your")
+    return with_probability(result.confidence) or None
 
 
 def capital(clause: str) -> str:

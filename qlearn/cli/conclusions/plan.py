@@ -26,6 +26,7 @@ from qlearn.cli.conclusions.decided_plan import DecidedPlan, DecidedPlans
 from qlearn.cli.conclusions.in_words import (
     InWords,
     capital,
+    condition_of,
     is_little,
     size_and_end,
     size_of,
@@ -36,7 +37,7 @@ from qlearn.cli.conclusions.outcomes import outcomes_of
 from qlearn.learners.learner import Result
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
-_SHORT = "your plan falls short of your ideal plan by"
+_SHORT = "your plan could still be worse than your ideal plan, by"
 _REST = "what follows in the rest of the plan"
 _STEPS = "equal steps between the levels (each better than the one below it by the same amount)"
 
@@ -64,7 +65,9 @@ def policy_conclusion(
         after = "Another comparator can state it."
     elif settled:
         headline = f"Your plan is settled. {_within(bound)}"
-        if same:
+        if found.leaning:
+            headline = f"{_decided(told, plans.mdp, found)} {_within(bound, 'your plan')}"
+        elif same:
             headline = f"Your answers do not change the {told.plan}. The plan is settled. "
             headline += _within(bound)
         after, more = "You can stop here.", "More answers would make the values below more exact."
@@ -107,7 +110,7 @@ def policy_conclusion(
         reason=_reason(told, mdp, found, why),
         effect=effect,
         size=size_and_end(told, bound, _SHORT, result.confidence),
-        sure=f"{sure_of(result)} The ideal plan is the one for your exact values.{open_still}",
+        sure=f"{_close(result, bound)}{open_still}",
         next=after,
         more=more,
         before=unasked,
@@ -116,19 +119,43 @@ def policy_conclusion(
         result=_whole_policy(told, mdp, action_words, found, why),
         outcomes=outcomes,
         settled=settled,
-        early=f"{_within(bound, so_far=True)} Your answers are not checked yet.",
+        early=f"So far {_within(bound, 'your plan', False)} Your answers are not checked yet.",
     )
 
 
-def _within(loss: float, so_far: bool = False) -> str:
+def _within(loss: float, plan: str = "it", starts: bool = True) -> str:
     """Return a sentence on how close a plan comes to the ideal plan."""
-    start = "So far " if so_far else ""
     if loss < NO_LOSS:
         said = "no other plan can be better for you."
     else:
-        plan = "your plan" if so_far else "it"
         said = f"{plan} comes within {per_hundred(loss)} of your ideal plan."
-    return f"{start}{said}" if so_far else capital(said)
+    return capital(said) if starts else said
+
+
+def _decided(told: InWords, mdp: OrdinalMDP, found: DecidedPlan) -> str:
+    """Return sentences on what the answers decide, if they leave some states open."""
+    live, n, rest = int(np.count_nonzero(~mdp.terminal)), int(found.holds.sum()), len(found.leaning)
+    kept = live - n - rest
+    said = f"change the {told.plan} in {n} of {live} {told.states}, and keep it in {kept}"
+    if not n:
+        said = f"keep the {told.plan} in {kept} of {live} {told.states}"
+    other = "one" if rest == 1 else f"{rest}"
+    return (
+        f"Your answers {said}. In the other {other} they do not decide, but it makes too little "
+        "difference to go on asking."
+    )
+
+
+def _close(result: Result, bound: float) -> str:
+    """Return a sentence on how sure the bound on a plan's loss is, which names what holds."""
+    if (when := condition_of(result)) is None:
+        return sure_of(result)
+    if bound < NO_LOSS:
+        return f"{capital(when)}, no other plan is better for your exact values."
+    return (
+        f"{capital(when)}, your plan falls at most {per_hundred(bound)} short of your ideal plan, "
+        "the one for your exact values."
+    )
 
 
 def _reason(told: InWords, mdp: OrdinalMDP, found: DecidedPlan, why: Mapping[int, str]) -> str:
@@ -136,13 +163,22 @@ def _reason(told: InWords, mdp: OrdinalMDP, found: DecidedPlan, why: Mapping[int
     n, live = int(found.holds.sum()), int(np.count_nonzero(~mdp.terminal))
     if not n:
         rest = len(found.states)
-        might = f" In {rest} of these, more answers might change it." if rest else ""
-        return f"In all {live} {told.states} the plan is the one with {_STEPS}.{might}"
+        if not rest:
+            return f"In all {live} {told.states} the plan is the one with {_STEPS}."
+        return (
+            f"In {live - rest} of {live} {told.states} your values lead to the same {told.plan} as "
+            f"{_STEPS}. {capital(_undecided(rest))} too. More answers might change that."
+        )
     given = Counter(why[state] for state, holds in found.certain.items() if holds)
     [(most, times)] = given.most_common(1)
     mostly = "" if times == n else "mostly "
     reason = f", {mostly}because it {most}" if 2 * times > n and most != _REST else ""
     return f"In {n} of {live} {told.states} your answers change the {told.plan}{reason}."
+
+
+def _undecided(rest: int) -> str:
+    """Return a clause on the states that are not decided: that the plan is the same there."""
+    return "the undecided one keeps it" if rest == 1 else f"the {rest} undecided ones keep it"
 
 
 def _reasons(told: InWords, result: Result, found: DecidedPlan) -> dict[int, str]:
@@ -195,9 +231,11 @@ def _changes(
     else:
         title = f"Your answers do not change the {told.plan}"
         some = f" In all {live} {told.states} the plan is the same."
-    if rest:
-        of = "more" if n else "of these"
-        some += f" In {rest} {of}, further answers might change it."
+        if rest:
+            some = f" In {live - rest} of {live} {told.states} the plan is the same, and "
+            some += f"{_undecided(rest)} too. Further answers might change that."
+    if rest and n:
+        some += f" In {rest} more, further answers might change it."
     why_note = " “Why” names the level that matters most by the best guess."
     certain, perhaps = (
         tuple(
@@ -221,7 +259,7 @@ def _changes(
         "Another action is better here by the best guess of your values, but not for all values "
         "that fit your answers. So the plan keeps the action that is best with equal steps. "
         + (
-            "More answers may decide for either, but the result is settled without."
+            "More answers may decide for either, but that makes too little difference to go on."
             if _bound(found) <= told.tolerance
             else "More answers may decide for either."
         ),
@@ -319,7 +357,7 @@ def policy_stakes(told: InWords, result: Result) -> str | None:
     if np.isnan(result.loss_bound):
         return None
     if result.loss_bound < NO_LOSS:
-        return _within(result.loss_bound, so_far=True)
+        return f"So far {_within(result.loss_bound, 'your plan', False)}"
     most = up_to(result.loss_bound, result.confidence)
     return (
         f"So far the best guess of your plan could fall short of your ideal plan by {most}: "
@@ -348,7 +386,7 @@ def policy_nearly(
         return None
     return NearlyEnough(
         f"Your plan falls at most {per_hundred(bound)} short of your ideal plan",
-        f"{sure_of(result)} More questions can bring it below {per_hundred(told.tolerance)}.",
+        f"{_close(result, bound)} More questions can bring it below {per_hundred(told.tolerance)}.",
         size_of(told, bound, "that is", None),
     )
 

@@ -97,14 +97,16 @@ def test_a_best_guess_in_a_wide_range_is_called_inexact_and_the_reason_is_said()
     assert (ill.low, ill.high) != (0, 100)
     notes = " ".join(scale_notes(found, comparator, settled=True))
     assert "“Not known yet” (no dot): no answer is about it" in notes  # fair
-    assert "“About” (hollow dot): a rough best guess, in a wide range. The result allows" in notes
+    assert "Hollow dot: a rough best guess, “about” so much. It has no number" in notes
+    assert "It has no number where the range is over 40. The result allows" in notes
     wide = f"“ill” ({ill.low:.0f} to {ill.high:.0f}) still has a wide range although you answered "
     assert notes.startswith(f"{wide}about it, because any one answer may be a mistake. About 2 to ")
     assert " more questions about levels would narrow every range to 40 or less." in notes
     narrow = [row._replace(low=row.high - 40) if row is ill else row for row in found]
     notes = " ".join(scale_notes(narrow, comparator, settled=True))
-    assert "still has" not in notes
-    assert "in a wide range. Any one answer may be a mistake, so a range stays wide until" in notes
+    assert f"“ill” ({ill.high - 40:.0f} to {ill.high:.0f}) still has a wide range" in notes
+    known = [row._replace(known=True) if row.label == "ill" else row for row in narrow]
+    assert "still has" not in " ".join(scale_notes(known, comparator, settled=True))
     notes = " ".join(scale_notes(found, comparator, settled=True))
     assert "The result allows for all that is still possible for “fair” and “ill”, and" in notes
     assert "does not need to know them more exactly" in notes
@@ -114,9 +116,40 @@ def test_a_best_guess_in_a_wide_range_is_called_inexact_and_the_reason_is_said()
     assert "The result allows for all that is still possible for “ill”, and" in notes
     assert "does not need to know it more exactly" in notes
     notes = " ".join(scale_notes(without, PolytopeComparator(4), settled=False))
-    assert "“About” (hollow dot): a rough best guess, in a wide range. The result" in notes
-    assert "still has a wide range, because few answers are about it. " in notes
+    assert "It has no number where the range is over 40. The result" in notes
+    assert "still has a wide range. More answers about it would narrow it. " in notes
     assert notes.count("does not need") == notes.count("mistake") == 0
+
+
+def test_the_note_on_wide_ranges_names_the_levels_whose_best_guess_is_about() -> None:
+    ends = [ScaleRow("well", 100, 100, 100), ScaleRow("died", 0, 0, 0)]
+    for high in (40, 41, 39):
+        row = ScaleRow("ill", 7, 0, high, known=False, rough=True)
+        notes = scale_notes([ends[0], row, ends[1]], PosteriorComparator(3), settled=True)
+        assert guess_in_words(row.value, row.known, row.rough) == "about 7"
+        assert notes[0].startswith(f"“ill” (0 to {high}) still has a wide range ")
+        assert ("would narrow every range" in notes[0]) == (high > 40)
+        assert any(note.startswith("Hollow dot") for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "said"),
+    [(0, 50, "at 50 or less"), (50, 100, "at 50 or more"), (20, 50, "at 20 to 50"), (0, 84, "")],
+)
+def test_beside_a_wide_range_stands_what_the_answers_say_as_given(
+    low: float, high: float, said: str
+) -> None:
+    ends = [ScaleRow("well", 100, 100, 100), ScaleRow("died", 0, 0, 0)]
+    wide = ScaleRow("ill", 40, 0, 84, known=False, rough=True)
+    narrow = ScaleRow("fair", 95, 94, 97)
+    given = [ScaleRow("ill", 40, low, high), ScaleRow("fair", 95, 95, 96)]
+    rows = [ends[0], narrow, wide, ends[1]]
+    [first, *_] = scale_notes(rows, PosteriorComparator(4), True, given)
+    sentence = f"Taken as given, your answers put “ill” {said}. The wide range also allows for "
+    assert (sentence in first) == bool(said)
+    assert ("Taken as given" in first) == bool(said)
+    assert "fair" not in first
+    assert "Taken as given" not in " ".join(scale_notes(rows, PosteriorComparator(4), True))
 
 
 def test_an_answer_that_narrows_nothing_leaves_a_level_unknown() -> None:

@@ -191,10 +191,10 @@ def test_an_interview_says_that_a_question_is_one():
             if again:
                 first = session.first_answer(query)
                 assert first is not None
-                how = "as they were" if first.swapped == shown.swapped else "swapped"
+                how = "the same sides" if first.swapped == shown.swapped else "the sides swapped"
                 n = interview.handle({"do": "answers"})["answers"]
                 number = next(one["number"] for one in n if one["id"] == first.query.id)
-                said = f"Check question: the same as question {number}, with the sides {how}. "
+                said = f"Check question: the same as question {number}, with {how}. "
                 assert question["check"].startswith(said)
             verdict = says(query)
             choice = "equal" if verdict == 0 else "a" if (verdict == 1) != shown.swapped else "b"
@@ -205,6 +205,10 @@ def test_an_interview_says_that_a_question_is_one():
                 screen = interview.handle({"do": "undo", "id": query.id})
                 same = screen["question"]["check"]
                 assert same.startswith("This is the same check again, because you took back ")
+                before = log[-1].metadata[REPEATS]
+                n = interview.handle({"do": "answers"})["answers"]
+                number = next(one["number"] for one in n if one["id"] == before)
+                assert f"Your answer to question {number} still stands." in same
                 assert screen["question"] == {**question, "check": same}
                 screen = interview.handle({"do": "answer", "id": query.id, "choice": choice})
         repeats = session.status().repeated

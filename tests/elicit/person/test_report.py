@@ -148,15 +148,18 @@ def test_the_chosen_row_of_a_report_is_marked_and_checks_come_after_the_conclusi
         "open": None,
     }
     changes = {**table, "rows": [["x", "9"], ["y", "10"]], "marked": 1, "mark": "best"}
-    found = {**end, "headline": "Y it is.", "reason": "By 1.", "next": "Stop.", "changes": changes}
+    found = {**end, "headline": "Y it is.", "reason": "By 1.", "next": "Stop."}
+    found |= {"sure": "With luck.", "size": "By 2.", "before": "By 3.", "changes": changes}
     html = report_page("Mine", "today", found, [], False, ReportDetails(who="Ann"))
     text = Parts(html).text
-    assert "Person: Ann, called “you” here. today. 3 answers." in text
+    assert "Answers of Ann. “You” in this report is Ann. today. 3 answers." in text
     assert text.index("Y it is.") < text.index("By 1.") < text.index("and 1 is ignored")
     assert "y best 10" in text
     assert html.count('<tr class="marked">') == 1
     assert html.count('<td data-head="worth" class="number">') == 2
     assert "<p>One.</p>\n<p>Two.</p>" in html
+    named = "By 1. How sure: With luck. How close: By 2. Before: By 3. "
+    assert named in text
     assert "Stop." not in text  # what to do on the screen
 
 

@@ -622,6 +622,22 @@ def test_answers_of_different_people_do_not_contradict_each_other() -> None:
     assert [e.answer.query.id for e in session.contradiction()] == ["0", "2"]
 
 
+@pytest.mark.parametrize("maker", [make, posterior])
+def test_what_the_answers_say_as_given_is_known_unless_they_contradict_each_other(
+    maker: Any,
+) -> None:
+    level, log = [0.0, 0, 1, 0, 0], AnswerLog(k=K)
+    assert Session(maker, log).as_given() is None
+    for i, (share, verdict) in enumerate(((0.5, Verdict.WORSE), (0.2, Verdict.BETTER))):
+        log.append(Answer(Query(f"{i}", level, [1 - share, 0, 0, 0, share]), verdict))
+    given = Session(maker, log).as_given()
+    assert given is not None
+    low, high = given.bounds(np.eye(K)[[2]] - np.eye(K)[[0]])
+    assert (low[0], high[0]) == pytest.approx((0.2, 0.5), abs=1e-5)
+    log.append(Answer(Query("2", level, [0.1, 0, 0, 0, 0.9]), Verdict.BETTER))
+    assert Session(maker, log).as_given() is None
+
+
 @pytest.mark.parametrize(("off", "contradict"), [(0.04, False), (0.12, True)])
 @pytest.mark.parametrize("maker", [make, posterior])
 def test_what_is_called_equal_may_be_rounded_where_errors_are_allowed_for(

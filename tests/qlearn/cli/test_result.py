@@ -54,7 +54,13 @@ def test_it_says_what_the_answers_say_and_leaves_the_log_as_it_is(
     table = [*csv.DictReader(Path("found/choice.csv").read_text().splitlines())]
     assert [float(row["behind"]) for row in table] == [row["behind"] for row in policy]
     report = Path("found/report.html").read_text()
-    for said in ("Comparator", "posterior", "Seed", "Person", "answers-care.jsonl"):
+    for said in (
+        "Comparator",
+        "posterior",
+        "Seed",
+        "“You” in this report is",
+        "answers-care.jsonl",
+    ):
         assert said in report
 
 

@@ -163,16 +163,17 @@ def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: P
         assert key == {0: "e", 1: left, -1: right}[entry.answer.verdict]
     said = report(teach.shown)
     sure = {
-        "polytope": "if your answers are right",
-        "polytope-1-wrong": "even if one of your answers is wrong",
-        "posterior": "with 95% probability",
+        "polytope": "If your answers are right",
+        "polytope-1-wrong": "Even if one of your answers is wrong",
+        "posterior": "With 95% probability",
     }[comparator]
     again = r" \(with 95% probability\)" if comparator == "posterior" else ""
     loss = (
-        r"settled\. It comes within ([\d.]+) in 100 of your ideal plan\. This holds "
-        rf"{sure}\. .* Your plan falls short of your ideal plan by at most as much value as if "
-        rf"\1 in 100 days were at “level 1” instead of “level 5”{again}\. .* We stop asking "
-        r"below 1 in 100\."
+        r"settled\. It comes within ([\d.]+) in 100 of your ideal plan\. .*"
+        rf"How sure: {sure}, your plan falls at most \1 in 100 short of your ideal plan, .* "
+        r"How close: Your plan could still be worse than your ideal plan, by at most as much as it "
+        rf"would matter to you if \1 in 100 days were at “level 1” instead of “level 5”{again}\. "
+        r".*We stop asking below 1 in 100\."
     )
     bound = re.search(loss, " ".join(said.split()))
     assert bound
@@ -245,7 +246,9 @@ def test_a_smaller_tolerance_goes_on_where_a_greater_one_ended(
         assert (f"Going on after {answered[-1]} answer" in said) == (answered[-1] > 0)
         bounds += [
             float(found) / 100
-            for found in re.findall(r"It comes within ([\d.]+) in 100 of your ideal plan", said)
+            for found in re.findall(
+                r"(?:It|Your plan) comes within ([\d.]+) in 100 of your ideal plan", said
+            )
         ]
         assert bounds[-1] <= float(tolerance)
         answered.append(len(told(tmp_path / "answers-random.jsonl")))
@@ -357,7 +360,8 @@ def test_what_a_choice_can_lose_is_the_same_of_counts_and_of_shares(tmp_path: Pa
         said.append((course.subject.stakes(result), concluded.next))
     assert said[0] == said[1]
     lost = re.search(
-        r": as much value as if ([\d.]+) in 100 outcomes were at “died” instead of “well”",
+        r": as much as it would matter to you if ([\d.]+) in 100 outcomes were at “died” instead "
+        r"of “well”",
         str(said[0][0]),
     )
     assert lost
@@ -415,8 +419,8 @@ def test_a_plan_is_said_before_the_first_question_and_ends_the_session(
     assert "You planned 2 questions, and answered 2." in said
     assert "This is the result so far. More could be asked." in said
     assert re.search(r"It could still fall \S+ in 100 short of your ideal plan\.", said)
-    assert "Your plan falls short of your ideal plan by at most as much value as " in said
-    assert " (with 95% probability). This is a measure of size" in said
+    assert "Your plan could still be worse than your ideal plan, by at most as much as " in said
+    assert " (with 95% probability). We stop asking below" in said
     code, shown, _ = taught("a\n" * 2 + "q\n", monkeypatch, capsys, *options, "--log", log)
     assert "You planned 4 questions, and answered 4." in " ".join(shown.split())
     with pytest.raises(SystemExit):
@@ -789,9 +793,9 @@ def test_a_family_is_taught_in_its_own_words_and_a_seed_draws_it(
     assert "A steady post or a venture" in shown
     assert "Two groups of 10 years" in shown
     said = " ".join(report(shown).split())
-    assert re.search(r"in 100 of your ideal plan\. (In \d+ of .*\. )?This holds ", said)
-    assert "Your plan falls short of your ideal plan by at most as much value " in said
-    assert " (with 95% probability). This is a measure of size" in said
+    assert re.search(r"in 100 of your ideal plan\. (In \d+ of .*\. )?How sure: With ", said)
+    assert "Your plan could still be worse than your ideal plan, by at most as much " in said
+    assert " (with 95% probability). We stop asking below" in said
 
 
 def test_two_people_in_one_folder_have_a_log_each(

@@ -17,6 +17,7 @@ from elicit.person.course.conduct import (
     differs,
     repeats_in,
 )
+from elicit.person.course.counts import Counts
 from elicit.tutors.answer_log import EXPECTED, REPEATS, RESOLVED
 
 LEFT, RIGHT = np.array([0.0, 1.0, 0.0]), np.array([0.5, 0.0, 0.5])
@@ -129,7 +130,7 @@ def test_checks_are_passed_or_look_like_chance(
         many = cases.replace("cases", "interviews")[8:]
     well = f"Somebody who chose by tossing a coin would do as well in {many}. So these checks "
     if {"32", "28", "30"} & {*cases.split()}:
-        well += "show that your answers were hardly given at random."
+        well += "show that your answers were probably not given at random."
     elif {"16", "8"} & {*cases.split()}:
         well += "speak for your answers. More of them would be more convincing."
     else:
@@ -184,6 +185,12 @@ def test_an_answer_against_the_order_of_the_levels_is_a_check_that_differs() -> 
         query = Query(f"{ORDER}{level}", np.eye(3)[level], np.eye(3)[level - 1])
         log.append(Answer(query, verdict))
     assert (conduct(log).checks, conduct(log).differed) == (2, 1)
+    said = "2 answers stand: 2 are checks of the order of the levels."
+    assert Counts.of(log).sentence == said
+    log.append(Answer(Query("q", [1, 0, 0], [0, 0.5, 0.5]), Verdict.WORSE))
+    found = Counts.of(log)
+    assert (found.answered, found.learned, found.ordering) == (3, 1, 2)
+    assert Counts.read(found.record()) == found
 
 
 @pytest.mark.parametrize(

@@ -125,15 +125,23 @@ def test_a_plan_changes_only_what_is_certain_and_says_what_is_not_decided(
             ),
         )
         if rest:
-            of = "more" if n else "of these"
-            note += f" In {rest} {of}, further answers might change it."
+            some = f" In {rest} more, further answers might change it."
+            keep = "one keeps it" if rest == 1 else "ones keep it"
+            keep = f"the {'' if rest == 1 else f'{rest} '}undecided {keep} too."
+            none = f" In {8 - rest} of 8 states the plan is the same, and {keep} Further answers "
+            note = note + some if n else f"{none}might change that."
         else:
             assert "might change" not in note + found_now.reason
         if not n:  # nothing claims a change, and the first lines say so
             unchanged = "our answers do not change the plan. The plan is "
+            if found_now.settled and rest:
+                unchanged = f"Your answers keep the plan in {8 - rest} of 8 states. In the other "
             assert unchanged in found_now.headline or not len(result.answers)
-            assert found_now.reason.startswith("In all 8 states the plan is the one with equal ")
-            assert ("might change it" in found_now.reason) == (rest > 0)
+            same = "In all 8 states the plan is the one with equal steps "
+            if rest:
+                same = f"In {8 - rest} of 8 states your values lead to the same plan as equal steps"
+            assert found_now.reason.startswith(same)
+            assert ("More answers might change that." in found_now.reason) == (rest > 0)
         assert changes.title == title
         reason = re.fullmatch(rf"{title}(?:, (mostly )?because it (.*))?\.", found_now.reason)
         assert (reason is not None) == (n > 0)
@@ -173,6 +181,38 @@ def test_a_plan_changes_only_what_is_certain_and_says_what_is_not_decided(
 def names_of(mdp: OrdinalMDP) -> dict[str, int]:
     """The states by name."""
     return {mdp.state_name(s): s for s in range(mdp.n_states)}
+
+
+def test_a_plan_that_leaves_states_open_is_not_said_to_be_settled() -> None:
+    seen = set()
+    for seed in (0, 3):
+        mdp, values = random_mdp(8, 3, 4, 0.9, seed=seed)
+        told, tutor = InWords(mdp.labels, Words(), 1.0), FlippingTutor(values, 0.0)
+        learner = InteractivePolicyIteration(
+            mdp, PolytopeComparator(4), tolerance=1e-4, bags=Bags(days=10)
+        )
+        plans = DecidedPlans(mdp, told.tolerance)
+        while queries := learner.ask():
+            learner.tell([tutor(query) for query in queries])
+            found = policy_conclusion(told, plans, mdp.action_name, learner.result(), None)
+            assert found.settled
+            assert found.plan is not None
+            kinds = [row[2] for row in found.plan.rows]
+            n, rest = kinds.count("changed"), kinds.count("not decided")
+            seen.add((n > 0, min(rest, 2)))
+            assert ("The plan is settled" in found.headline) == (not n and not rest)
+            assert found.headline.startswith("Your plan is settled") == (n > 0 and not rest)
+            if rest:
+                kept = kinds.count("as with equal steps")
+                said = f"change the plan in {n} of 8 states, and keep it in {kept}"
+                said = said if n else f"keep the plan in {kept} of 8 states"
+                other = "one" if rest == 1 else f"{rest}"
+                assert found.headline.startswith(
+                    f"Your answers {said}. In the other {other} they do not decide, but it makes "
+                    "too little difference to go on asking. "
+                )
+    assert {(True, 1), (True, 2)} & seen
+    assert len(seen) >= 3
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -230,16 +270,18 @@ def test_how_sure_a_bound_is_stands_beside_it_unless_it_is_proven(name: str) -> 
     stakes = policy_stakes(told, result)
     assert stakes is not None
     if name == "posterior":
-        assert found.size.startswith("Your plan falls short of your ideal plan by at most as ")
-        assert " (with 95% probability). This is a measure of size" in found.size
+        assert found.size.startswith("Your plan could still be worse than your ideal plan, by at ")
+        assert " (with 95% probability). We stop asking below" in found.size
+        assert found.sure.startswith("With 95% probability, your plan falls at most ")
         assert (
-            " up to 20 in 100 (with 95% probability) could not be ruled out: as much value as "
+            " up to 20 in 100 (with 95% probability) could not be ruled out: as much as it "
             in found.before
         )
         assert re.search(r" ideal plan by up to [\d.]+ in 100 \(with 95% probability\): ", stakes)
     else:
-        assert found.size.startswith("Your plan falls short of your ideal plan by at most as ")
-        assert " up to 20 in 100 could not be ruled out: as much value as " in found.before
+        assert found.size.startswith("Your plan could still be worse than your ideal plan, by at ")
+        assert " up to 20 in 100 could not be ruled out: as much as it would " in found.before
+        assert found.sure.startswith("If your answers are right, your plan falls at most ")
         assert "probability" not in f"{found.sure}{stakes}"
     shares = np.array([[0.0, 0.4, 0.6, 0.0], [0.1, 0.0, 0.5, 0.4], [0.0, 0.2, 0.6, 0.2]])
     names = ["first", "second", "third"]
@@ -295,7 +337,9 @@ def test_no_size_is_given_to_a_loss_of_nothing(monkeypatch: pytest.MonkeyPatch) 
             assert " 0 in 100" not in text
         for one in found:
             assert bool(one.size) == (loss == 0.005)
-            assert ("This is a measure of size" in one.size) == (loss == 0.005)
+            assert ("at most as much as it would matter to you if 0.5 in" in one.size) == (
+                loss == 0.005
+            )
             assert ("We stop asking below 1 in 100." in one.size) == (loss == 0.005)
 
 
