@@ -24,7 +24,9 @@ _FEW = 3  # levels that are named in a sentence
 _MOST_OF_ROOM = 1 / 3  # share of the room between the neighbours that a wider range may cover
 
 _NOT_KNOWN = "“Not known yet” (no dot): no answer is about it, or none narrows its range."
-_ROUGHLY = "“About” (hollow dot): a rough best guess, in a wide range."
+_ROUGHLY = (
+    "Hollow dot: a rough best guess, “about” so much. It has no number where the range is over 40."
+)
 _WIDE_BUT_HEARD = (
     "{named} still {has} a wide range although you answered about {it}, because any one answer may "
     "be a mistake."

@@ -34,8 +34,9 @@ blockquote { margin: .4rem 0; padding: .1rem .9rem; border-left: 3px solid var(-
 _SCALES = (
     "Values go from 0, the worst level, to 100, the best. A level at 60 is as good to the person "
     "as 60 of 100 at the best level and 40 at the worst. The bar is the range, and the dot is the "
-    "best guess. A dashed bar is a wide range: its best guess, with a hollow dot and “about”, is "
-    "not exact yet. “Not known yet” means that none of the person's answers narrows a range."
+    "best guess. A dashed bar is a wide range: its best guess, with a hollow dot, is not "
+    "exact yet, and has no number where the range is over 40. “Not known yet” means "
+    "that none of the person's answers narrows a range."
 )
 
 

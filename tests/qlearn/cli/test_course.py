@@ -372,7 +372,8 @@ def test_a_budget_is_said_once_and_the_person_can_go_on() -> None:
     ):
         assert re.fullmatch(
             r"Without your answers, the program's choice could be worth less to you than the best "
-            r"one: by at most as much value as if [\d.]+ in 100 \w+ were at “.*” instead of “.*”\.",
+            r"one: by at most as much as it would matter to you if [\d.]+ in 100 \w+ "
+            r"were at “.*” instead of “.*”\.",
             interview.handle({"do": "state"})["welcome"]["before"],
         )
         interview.handle({"do": "start", "who": "  Ann\x1b ", "budget": "3"})
@@ -746,7 +747,7 @@ def test_a_choice_is_settled_only_if_no_other_alternative_is_better_by_the_toler
         person.until("end", answers)
         end = interview.handle({"do": "result"})["end"]
         assert end["settled"] == (answers == 99)
-        most = "more than|at most" if answers else "value as if"  # at first there is no guess
+        most = "more than|at most" if answers else "matter to you if"  # at first there is no guess
         said = f"{end['sure']} {end['next']} {end['before']}"
         bound = re.search(rf"(?:{most}) ([\d.]+) in 100", said)
         assert bound
