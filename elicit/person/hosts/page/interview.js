@@ -287,13 +287,15 @@ export function mount(root, send, options = {}) {
     largest = Math.max(largest, screen.question.of);
     const linesOfCircles = Math.min(MOST_LINES, Math.ceil(largest / 10));
     const usual = LINES + (narrow && linesOfCircles > 2 ? 1 : 0) + (screen.legend.duration ? (narrow ? LINES_OF_DURATION : 1) : 0);
-    const notes = parseFloat(getComputedStyle(slot).minHeight) + parseFloat(getComputedStyle(slot).marginBottom);
+    const slotted = parseFloat(getComputedStyle(slot).minHeight);
+    const notes = slotted + parseFloat(getComputedStyle(slot).marginBottom);
+    const passing = trying.firstChild ? Math.max(0, slot.offsetHeight - slotted) : 0; // comes once, if at all
     room.head = Math.min(room.head, sheet.firstChild.offsetHeight);
     const more = sheet.firstChild.offsetHeight - room.head;
     const down = () => pair.getBoundingClientRect().top - top.getBoundingClientRect().top;
     const between = down() - (lead.getBoundingClientRect().bottom - top.getBoundingClientRect().top);
     const heading = body.firstChild.offsetHeight + parseFloat(getComputedStyle(body.firstChild).marginBottom);
-    room.lead = Math.max(room.lead, down() + more, notes + heading + (usual + 0.5) * line + between);
+    room.lead = Math.max(room.lead, down() + more - passing, notes + heading + (usual + 0.5) * line + between);
     lead.style.minHeight = `${Math.max(0, lead.offsetHeight + room.lead - more - down())}px`;
     // the room that is left over is shared by the rows; all are measured before the first one changes
     const tall = counts.map((rows) => rows.map((row) => row.getBoundingClientRect().height));
