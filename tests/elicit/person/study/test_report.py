@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from elicit.person.report import ReportDetails
+from elicit.person.report import ReportDetails, colour_of
 from elicit.person.study.report import FollowingTable, PersonFound, study_page
 from tests.page_parts import Parts
 
@@ -103,7 +103,8 @@ def test_a_report_draws_each_level_for_each_person() -> None:
     assert "well a<b>n 100 i<l>l a<b>n 40 (20 to 61) a<b>n not known yet (0 to 100) died" in text
     assert "The ranges hold for <sure>." in text
     assert page.count('stroke-dasharray="4 3"') == 1  # the level that no answer is about
-    best, worst = "rgb(56,141,221)", "rgb(101,26,13)"
+    best, worst = colour_of(1.0), colour_of(0.0)
+    assert best != worst
     assert page.index(best) < page.index("i&lt;l&gt;l") < page.index("died") < page.index(worst)
     assert "A & B? Chance that each prefers the first: a<b>n 97%, ben 2%. Groups" in text
     assert text.count("Two groups.") == 2  # in short, and in full
