@@ -111,7 +111,7 @@ def choice_conclusion(
     )
     ahead = _ahead(names, shares, result)
     mark = (_BEST if _best_word(result) == _BEST else "chosen") if settled else "best guess"
-    worth = _worth(told, names, shares, result, ahead, mark)
+    worth = _worth_of(shares, result)
     return Conclusion(
         headline=headline,
         reason=_reason(told, names, shares, result, ahead),
@@ -120,8 +120,8 @@ def choice_conclusion(
         next=after,
         more=more,
         before=unasked,
-        changes=worth,
-        result=_to_keep(names, shares, result, ahead),
+        changes=_worth(told, names, shares, result, ahead, worth, mark),
+        result=_to_keep(names, result, ahead, worth),
         settled=settled,
         early=f"By your answers so far “{best}” is {_best_word(result)}. They are not checked yet.",
     )
@@ -441,14 +441,19 @@ def choice_holds(told: InWords, result: Choice) -> bool:
 
 
 def _worth(
-    told: InWords, names: Sequence[str], shares: Floats, result: Choice, ahead: _Ahead, mark: str
+    told: InWords,
+    names: Sequence[str],
+    shares: Floats,
+    result: Choice,
+    ahead: _Ahead,
+    worth: _Worth,
+    mark: str,
 ) -> ResultTable:
     """Return a table of what each alternative consists of, and its value as far as it is known.
 
     The choice is marked by ``mark``.
     """
     labels = told.labels
-    worth = _worth_of(shares, result)
     low, high = worth.low, worth.high
     points, order, narrow = worth.guess, worth.order, worth.narrow
     best, outcomes = list(names).index(result.name), _outcomes(shares)
@@ -506,13 +511,12 @@ def _none_ahead(names: Sequence[str], ahead: _Ahead, best: int) -> str:
     return f" {who} may still be better, by at most {by} ({sure})."
 
 
-def _to_keep(names: Sequence[str], shares: Floats, result: Choice, ahead: _Ahead) -> DataTable:
+def _to_keep(names: Sequence[str], result: Choice, ahead: _Ahead, worth: _Worth) -> DataTable:
     """Return the worth of each alternative as a table to download. Numbers are of 100.
 
     ``worth`` is empty where the range is too wide for a best guess. ``behind_at_least`` is below 0
     where an alternative may be ahead of the choice, and empty where nothing bounds that.
     """
-    worth = _worth_of(shares, result)
     rows = tuple(
         (
             printable(names[i]),
