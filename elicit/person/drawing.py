@@ -35,13 +35,14 @@ from elicit.person.course.pace import Pace
 from elicit.person.findings import (
     ScaleRow,
     certainty,
+    given_in,
     guess_in_words,
     scale_notes,
     scale_rows,
 )
 from elicit.person.next_question import NextQuestion
 from elicit.person.outlook import Prospect
-from elicit.person.report import ReportDetails, report_page
+from elicit.person.report import NEARLY, ReportDetails, report_page
 from elicit.person.session import Session
 from elicit.person.showing import (
     Shown,
@@ -127,8 +128,8 @@ class Drawing:
         level = trusted_share(asker.comparator) if isinstance(asker, Compares) else None
         sure = with_probability(level)
         return (
-            "Without your answers, the program's choice could be worth less to you than the best "
-            f"one: by at most {size}{f' ({sure})' if sure else ''}."
+            "Without your answers, the program could choose worse for you than the best: by at "
+            f"most {size}{f' ({sure})' if sure else ''}."
         )
 
     def _conflicts_found(self) -> tuple[tuple[Entry, ...], ...]:
@@ -423,10 +424,11 @@ class Drawing:
                 for table in (changes, plan)
             )
         rows = [] if known is None else scale_rows(known, subject.labels, session.log)
-        scale = [row._asdict() for row in rows]
+        as_given = self._rows_as_given()
+        scale = [row._asdict() | {"given": given_in(row, as_given)} for row in rows]
         settled = found.settled and caution is None and enough
         rests = settled and changes is not None and changes.open is not None
-        status = "Settled" if settled else "Little left to gain" if nearly else "Not settled"
+        status = "Settled" if settled else NEARLY if nearly else "Not settled"
         return {
             "headline": printable(headline),
             "effect": printable(effect),
@@ -447,9 +449,7 @@ class Drawing:
             else None,
             "scale": scale,
             "by_chance": conduct.by_chance if subject.least else "",
-            "scale_notes": []
-            if known is None
-            else scale_notes(rows, known, settled, self._rows_as_given()),
+            "scale_notes": [] if known is None else scale_notes(rows, known, settled, as_given),
             "certainty": None
             if known is None
             else f"{certainty(known)}{'' if caution is None else f', {_IF_MEANT}'}",

@@ -24,18 +24,13 @@ _FEW = 3  # levels that are named in a sentence
 _MOST_OF_ROOM = 1 / 3  # share of the room between the neighbours that a wider range may cover
 
 _NOT_KNOWN = "“Not known yet” (no dot): no answer is about it, or none narrows its range."
-_ROUGHLY = (
-    "Hollow dot: a rough best guess, “about” so much. It has no number where the range is over 40."
-)
+_ROUGHLY = "Hollow dot: a rough best guess, “about” so much."
 _WIDE_BUT_HEARD = (
     "{named} still {has} a wide range although you answered about {it}, because any one answer may "
     "be a mistake."
 )
 _WIDE_FOR_FEW = "{named} still {has} a wide range. More answers about {it} would narrow it."
-_AS_GIVEN = (
-    "Taken as given, your answers put {put}. The wide range also allows for any one of them being "
-    "a mistake."
-)
+_ALSO_MISTAKES = "The range is wider, because any one answer may be a mistake."
 _NARROWING = (
     "About {questions} more questions about levels would narrow every range to {width:.0f} or less."
 )
@@ -71,17 +66,29 @@ class ScaleRow(NamedTuple):
     rough: bool = False
 
 
-def guess_in_words(value: float, known: bool, rough: bool, width: float = 0.0) -> str:
-    """Return the best guess of a row as it is shown, or words in its place.
-
-    A rough one is not said, and the result "", if the ``width`` of the range is over ``WIDE``. The
-    range then stands alone.
-    """
+def guess_in_words(value: float, known: bool, rough: bool) -> str:
+    """Return the best guess of a row as it is shown, or words in its place."""
     if known:
         return f"{value:.0f}"
-    if rough and width > WIDE:
-        return ""
     return f"about {value:.0f}" if rough else "not known yet"
+
+
+def given_in(row: ScaleRow, as_given: Sequence[ScaleRow]) -> tuple[float, float] | None:
+    """Return the range of a row's level if no answer is a mistake, or None.
+
+    It is None if that is not narrower than the row's own range, or no answer is about the level.
+
+    Parameters
+    ----------
+    row : ScaleRow
+    as_given : sequence of ScaleRow
+        The rows of a comparator that takes every answer as given; none if the answers contradict
+        each other.
+    """
+    for one in as_given:
+        if one.label == row.label and row.asked and one.high - one.low < row.high - row.low:
+            return one.low, one.high
+    return None
 
 
 def scale_notes(
@@ -134,7 +141,9 @@ def _on_wide(
     each = [f"“{row.label}” ({row.low:.0f} to {row.high:.0f})" for row in wide]
     words = {"has": "has", "it": "it"} if len(wide) == 1 else {"has": "have", "it": "them"}
     because = _WIDE_BUT_HEARD if sure or wrong_of(comparator) > 0 else _WIDE_FOR_FEW
-    said = f"{because.format(named=listed(each), **words)} {_heard(wide, as_given)}".strip()
+    said = because.format(named=listed(each), **words)
+    if all(given_in(row, as_given) for row in wide):  # then that range stands beside each
+        said = _ALSO_MISTAKES
     if not sure or not any(
         row.high - row.low > WIDE for row in rows
     ):  # how many questions it takes was measured for a posterior
@@ -142,24 +151,6 @@ def _on_wide(
     least, most = questions_to_narrow([row.high - row.low for row in rows])
     questions = f"{least} to {most}" if least < most else f"{most}"
     return [f"{said} {_NARROWING.format(questions=questions, width=WIDE)}"]
-
-
-def _heard(wide: Sequence[ScaleRow], as_given: Sequence[ScaleRow]) -> str:
-    """Return sentences on what answers say of wide rows if each is as given, or ""."""
-    given = {row.label: row for row in as_given}
-    heard = [
-        f"“{row.label}” {_between(one.low, one.high)}"
-        for row in wide
-        if (one := given.get(row.label)) and one.high - one.low < row.high - row.low
-    ]
-    return _AS_GIVEN.format(put=listed(heard)) if heard else ""
-
-
-def _between(low: float, high: float) -> str:
-    """Return a range from 0 to 100 in words."""
-    if low <= 0.0:
-        return f"at {high:.0f} or less"
-    return f"at {low:.0f} or more" if high >= 100.0 else f"at {low:.0f} to {high:.0f}"
 
 
 def overlap(rows: Sequence[ScaleRow]) -> bool:

@@ -493,7 +493,7 @@ class Interview(Closing):
             nearly = self._questions.nearly(conduct, known)
             asks_on = self._session.question() is not None and not self._questions.only_checks()
             if nearly is not None and asks_on:
-                return offers.after_little_loss(nearly, self._beside.to_come())
+                return offers.after_little_loss(nearly, self._beside.to_come(), planned is not None)
         return None
 
     def _choose(self, option: str) -> dict[str, Any]:

@@ -38,10 +38,7 @@ _NOT_KEPT = (
     "This is the same question again: you did not keep your answer to it, which contradicted "
     "another. Choose as you see it now."
 )
-_TAKEN_BACK = (
-    "This is the same question again, because you took back your answer to it. If you choose “I "
-    "cannot tell”, it does not come again."
-)
+_TAKEN_BACK = "This is the same question again, because you took back your answer to it."
 
 
 class Mending:

@@ -50,7 +50,8 @@ caption { text-align: left; color: var(--soft); padding-bottom: .4rem; }
 th, td { box-sizing: border-box; text-align: left; vertical-align: top; font-weight: 400; padding: .3rem .6rem;
   border-top: 1px solid var(--line); }
 thead th, thead td { font-size: .85rem; color: var(--soft); border-top: 0; vertical-align: bottom; }
-.number { text-align: right; } .guess { width: 20%; } .range { width: 15%; } .drawn { width: 43%; padding: 0 1.2rem; }
+.number { text-align: right; } .guess { width: 17%; } .range { width: 15%; } .drawn { width: 43%; padding: 0 1.2rem; }
+svg .given { fill: var(--edge); } .scale:has(td.given) .drawn { width: 34%; } th.given { width: 17%; }
 .scale tbody * { vertical-align: middle; } .nr { width: 3.2rem; overflow-wrap: normal; } .when { width: 9.6rem; } .remarks { width: 20%; }
 .marked td { font-weight: 600; background: var(--tint); }
 .chosen { font-size: .85em; border: 1px solid var(--link); color: var(--link); border-radius: 6px; padding: 0 .4em; white-space: nowrap; }
@@ -107,6 +108,12 @@ _MOST_PRINTED = 40  # rows of a table, as the style has it: the paper is for rea
 _FEW_COLUMNS = 3  # that fit beside each other on a phone
 _NUMBER = re.compile(r"-|not known yet|-?\d[\d.,]*( to \d+)?( \((at least|or) [^)]*\))?")
 
+
+IF_NO_MISTAKE = "If no answer is a mistake"
+"""The head of the column of ranges that take every answer as given."""
+
+NEARLY = "Nearly settled"
+"""The status of a result by which little can be lost, although questions are left."""
 
 NAMED = {"sure": "How sure", "size": "How close", "next": "Next", "before": "Before"}
 """The names of parts of a conclusion on screens and in reports, in their order."""
@@ -187,6 +194,8 @@ def report_page(
         early = (
             "More could be asked." if end.get("caution") else "Stopped early: more could be asked."
         )
+        if end.get("status") == NEARLY:
+            early = "Stopped where little was left to gain."
         parts.append(f"<p><b>{early}</b> This is where things stood.</p>")
     parts += _headline(end)
     if details.source:
@@ -347,10 +356,17 @@ def counted(counts: Mapping[str, int]) -> str:
 def about_scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> str:
     """Return sentences on what the values of the levels mean; ``rows`` are best first."""
     best, worst = rows[0]["label"], rows[-1]["label"]
+    thick = "Thick bar: the range if no answer is a mistake. " if _has_given(rows) else ""
     return (
         f"From 0 (“{worst}”) to 100 (“{best}”). A level at 60 is as good to you as 60 of 100 at "
-        f"“{best}” and 40 at “{worst}”. Dot: best guess. Bar: range ({certainty})."
+        f"“{best}” and 40 at “{worst}”. Dot: best guess. {thick}{'Thin bar' if thick else 'Bar'}: "
+        f"range ({certainty})."
     )
+
+
+def _has_given(rows: Sequence[Mapping[str, Any]]) -> bool:
+    """Return whether some level has a narrower range if no answer is a mistake."""
+    return any(row.get("given") for row in rows)
 
 
 def _scale(
@@ -360,36 +376,50 @@ def _scale(
     marks = "".join(f'<text x="{x}%" y="14" text-anchor="middle">{x}</text>' for x in (0, 50, 100))
     axis = f'<svg height="18" font-size="13" fill="#4a5864" aria-hidden="true">{marks}</svg>'
     yield f'<thead><tr><th scope="col">Level</th><td class="drawn">{axis}</td>'
-    yield (
-        '<th scope="col" class="number guess">Best guess</th><th scope="col" class="number '
-        'range">Range</th>'
-    )
+    heads = {"guess": "Best guess", "given": IF_NO_MISTAKE, "range": "Range"}
+    if not (has_given := _has_given(rows)):
+        del heads["given"]
+    for kind, words in heads.items():
+        yield f'<th scope="col" class="number {kind}">{words}</th>'
     yield "</tr></thead>\n<tbody>"
     for i, row in enumerate(rows):
         low, high = row["low"], row["high"]
-        between = "fixed" if low == high else f"{low:.0f} to {high:.0f}"
+        between = "fixed" if low == high else _between_ends(low, high)
         known = row.get("known", True)
         colour = colour_of(1.0 - i / max(1, len(rows) - 1)) if known else None
         rough = row.get("rough", False)
-        picture = interval_picture(low, row["value"], high, colour, rough)
-        guess = guess_in_words(row["value"], known, rough, high - low)
-        yield (
-            f'<tr><th scope="row">{escaped(row["label"])}</th><td class="drawn">{picture}</td>'
-            f'<td class="number">{guess}</td><td class="number">{between}</td></tr>'
-        )
+        given = row.get("given")
+        picture = interval_picture(low, row["value"], high, colour, rough, given)
+        guess = guess_in_words(row["value"], known, rough)
+        cells = {"guess": guess, "given": _between_ends(*given) if given else "", "range": between}
+        if not has_given:
+            del cells["given"]
+        yield f'<tr><th scope="row">{escaped(row["label"])}</th><td class="drawn">{picture}</td>'
+        yield from (f'<td class="number {kind}">{words}</td>' for kind, words in cells.items())
+        yield "</tr>"
     yield "</tbody>\n</table>"
     if notes:
         yield f'<p class="soft">{escaped(" ".join(notes))}</p>'
 
 
+def _between_ends(low: float, high: float) -> str:
+    return f"{low:.0f} to {high:.0f}"
+
+
 def interval_picture(
-    low: float, value: float, high: float, colour: str | None, rough: bool = False
+    low: float,
+    value: float,
+    high: float,
+    colour: str | None,
+    rough: bool = False,
+    given: Sequence[float] | None = None,
 ) -> str:
     """Return a picture of a level's interval on the scale from 0 to 100, as HTML.
 
     A filled bar has a dot at the best guess. If ``colour``, as from ``colour_of``, is None the bar
     is hollow, without a dot, or with a hollow one if ``rough``. It is in the middle of the picture,
-    however high the style makes that.
+    however high the style makes that. ``given``, the low and the high end of a narrower range, is a
+    thick bar; the other one is then thin.
     """
     grid = "".join(
         f'<line x1="{x}%" x2="{x}%" y1="0" y2="100%" stroke="#e4e9ee"/>'
@@ -408,9 +438,19 @@ def interval_picture(
         )
     if low == high:
         dot = f'<circle cx="{value:.2f}%" cy="50%" r="6" {fill} stroke="#33414d"/>'
+    high_bar, half = (14, 7) if given is None else (6, 3)
+    bars = (
+        f'<rect x="{low}%" width="{high - low}%" y="50%" transform="translate(0 -{half})" '
+        f'height="{high_bar}" rx="{half // 2}" {fill} stroke="#33414d"{dashed}/>'
+    )
+    if given is not None:
+        start, end = given
+        bars += (
+            f'<rect class="given" x="{start}%" width="{end - start}%" y="50%" '
+            f'transform="translate(0 -8)" height="16" rx="3" stroke="#33414d"/>'
+        )
     return (
-        f'<svg height="34" aria-hidden="true">{grid}<rect x="{low}%" width="{high - low}%" y="50%" '
-        f'transform="translate(0 -7)" height="14" rx="3" {fill} stroke="#33414d"{dashed}/>'
+        f'<svg height="34" aria-hidden="true">{grid}{bars}'
         f"{dot if colour is not None or rough else ''}</svg>"
     )
 

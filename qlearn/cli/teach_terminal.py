@@ -366,11 +366,7 @@ def scale_report(rows: Sequence[ScaleRow], certainty: str, width: int) -> list[s
     for row in rows:
         known = "" if row.low == row.high else f"{row.low:.0f} to {row.high:.0f}"
         guessed = row.known
-        guess = (
-            guess_in_words(row.value, guessed, row.rough, row.high - row.low)
-            if guessed or row.rough
-            else "unknown"
-        )
+        guess = guess_in_words(row.value, guessed, row.rough) if guessed or row.rough else "unknown"
         picture = _bar(row.low, row.value if guessed else None, row.high, bar)
         line = f"    {row.label[:name]:{name}} {guess:>8}  {known:9}"
         lines.append(f"{line}  {picture if bar >= _LEAST_BAR else ''}".rstrip())

@@ -214,7 +214,7 @@ def per_hundred(share: float) -> str:
 def in_unit(share: float, unit: str, labels: Sequence[str], own: str = "") -> str:
     """Return a loss in the problem's own unit, as a text that follows "it loses at most".
 
-    It is a comparison ("as it would"), because a loss of value is no forecast of outcomes.
+    It is a comparison ("as if"), because a loss of value is no forecast of outcomes.
 
     Parameters
     ----------
@@ -230,8 +230,7 @@ def in_unit(share: float, unit: str, labels: Sequence[str], own: str = "") -> st
     Returns
     -------
     str
-        Such as "as much as it would matter to you if 3.8 in 100 days were at “worst” instead of
-        “best”".
+        Such as "as much as if 3.8 in 100 days were at “worst” instead of “best”".
     """
     clause = own or f"{{n}} {unit} were at “{labels[0]}” instead of “{labels[-1]}”"
-    return f"as much as it would matter to you if {clause.replace('{n}', per_hundred(share))}"
+    return f"as much as if {clause.replace('{n}', per_hundred(share))}"

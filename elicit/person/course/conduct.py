@@ -48,9 +48,9 @@ LEAST_CHECKS = 5
 """Checks before the end. Answers by chance pass this many in at most 1 of 32 cases."""
 MOST_CHECKS = 11
 """A person who has not passed after this many checks is told so."""
-_SHOWS_LITTLE = "So these checks do not show yet whether you meant your answers."
-_SHOWS_SOME = "So these checks speak for your answers. More of them would be more convincing."
-_SHOWS_MUCH = "So these checks show that your answers were probably not given at random."
+_SHOWS_LITTLE = "That does not show yet whether you meant your answers."
+_SHOWS_SOME = "That speaks for your answers."
+_SHOWS_MUCH = "So your answers were probably not given at random."
 _RARE = 25  # cases: answers by chance that do so well in one of more are rare
 _MORE_ALIKE = 2  # further checks that must be answered alike for each that was not
 _EVERY = 4  # answers for each check, where the interview wants some
@@ -238,7 +238,7 @@ class Conduct:
             if n == 1 and not alike:
                 answered = "was answered against it"
             said.append(f"{asked} the order of the levels, and {answered}.")
-        cases, by_coin = self.cases, "Somebody who chose by tossing a coin would do as well in"
+        cases, by_coin = self.cases, "Somebody who guessed A or B each time would do as well in"
         if cases < 2:
             said += [f"{by_coin} half of all interviews or more.", _SHOWS_LITTLE]
             return " ".join(said)

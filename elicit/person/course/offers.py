@@ -13,7 +13,6 @@ NEARLY_AGAIN = 10
 """Further answers after an offer until the end is offered again for that reason."""
 _CASES = 4  # people who answer by chance, of whom at most one does so well in the checks
 
-_WHY_NOW = "So little is left to gain that we ask before going on."
 _STOP = {"option": "finish", "label": "Finish now and show the result"}
 
 
@@ -53,26 +52,33 @@ def _little(nearly: NearlyEnough | None) -> str:
     return "" if nearly is None else f"{nearly.heading}. {nearly.text} "
 
 
-def after_little_loss(nearly: NearlyEnough, to_come: tuple[int, int] | None) -> dict[str, Any]:
+def after_little_loss(
+    nearly: NearlyEnough, to_come: tuple[int, int] | None, planned: bool = False
+) -> dict[str, Any]:
     """Return the offer to stop because little could be lost by it.
+
+    Stopping comes first only if the person ``planned`` an end. Otherwise they wanted to go on until
+    the result is settled.
 
     Parameters
     ----------
     nearly : NearlyEnough
     to_come : (2,) int, optional
         The least and the greatest number of questions that are likely left until it is settled.
+    planned : bool
     """
-    more = "You can stop here, or be asked more."
+    more = "You can stop here, or go on until the result is settled."
     if to_come is not None and to_come[1] > 0:
         least, most = to_come
         number = f"about {least} to {most}" if least < most else f"about {most}"
         if least == 0:
             number = f"up to about {most}"
-        more = f"You can stop here, or be asked more: {number} until the result is settled."
+        more = f"You can stop here, or go on until the result is settled: {number} more."
+    options = [_STOP, {"option": "on", "label": "Go on until it is settled"}]
     return {
         "heading": nearly.heading,
-        "text": f"{_WHY_NOW} {nearly.text} {nearly.size} {more}",
-        "options": [_STOP, {"option": "on", "label": "Ask me more"}],
+        "text": f"{nearly.text} {nearly.size} {more}",
+        "options": options if planned else options[::-1],
     }
 
 

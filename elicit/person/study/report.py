@@ -236,7 +236,7 @@ def _value(one: Mapping[str, Any], colour: str) -> str:
     low, high = one["low"], one["high"]
     rough = one.get("rough", False)
     picture = interval_picture(low, one["value"], high, colour if one["known"] else None, rough)
-    guess = guess_in_words(one["value"], one["known"], rough, high - low)
+    guess = guess_in_words(one["value"], one["known"], rough)
     words = f"{low:.0f}" if low == high else f"{low:.0f} to {high:.0f}"
     if guess and low != high:
         words = f"{guess} ({words})"

@@ -40,7 +40,6 @@ from qlearn.cli.conclusions.in_words import (
     until,
 )
 
-_TENTH = 0.001  # share of the value range
 _MOST_UNFOLDED = 12  # alternatives up to which their table stands open on the screen
 _ROUNDED = 0.5  # of 100: less than that does not show in the ranges as they are shown
 _FEW_NAMED = 3  # alternatives that are named in a sentence
@@ -95,7 +94,7 @@ def choice_conclusion(
             sure = f"{capital(_none_better(told, loss))}. {sure}"
         sure = f"{sure} {_although_wide(told, shares, result)}".strip()
         after = "You can stop here."
-        more = "More answers would make it surer." if result.loss_bound > 0 else ""
+        more = "If you like, more answers make it surer." if result.loss_bound > 0 else ""
     else:
         headline = f"The choice is open. The best guess so far is “{result.name}”."
         after = f"Another {told.alternative} may be better, by at most {most}. {sure}"
@@ -283,7 +282,7 @@ def _reason(
     Alternatives that the person called as good as the choice are passed over. The result is "" if
     there is no other one, or it has the same outcomes.
     """
-    best = list(names).index(result.name)
+    best, points = list(names).index(result.name), _points(shares, result)
     called = _directions(result.answers.d[result.answers.y == 0])
     apart = shares[best] - shares
     directions = _directions(apart)
@@ -293,7 +292,7 @@ def _reason(
         return ""
     second = others[0]
     name, other = (f"“{printable(names[i])}”" for i in (best, second))
-    more, sure = _more(ahead, second), _how_sure_of(ahead, second)
+    more, sure = _more(_behind(points, best)[second]), _how_sure_of(ahead, second)
     worth = f"{name} is worth {more} than the second, {other} (best guess{sure})."
     differ = _differ(told, 100.0 * apart[second])
     if not differ:
@@ -316,25 +315,30 @@ def _differ(told: InWords, more: Floats) -> str:
     return f"in 100 {printable(told.words.unit)} it has {listed(gained)} in place of {listed(lost)}"
 
 
-def _more(ahead: _Ahead, i: int) -> str:
+def _behind(points: Floats, best: int) -> list[int]:
+    """Return how much less each alternative is worth than the choice, of 100, by the best guess.
+
+    It is the difference of two numbers as the table has them, which are rounded.
+    """
+    shown = np.rint(100.0 * points).astype(int)
+    behind: list[int] = (shown[best] - shown).tolist()
+    return behind
+
+
+def _more(guess: int) -> str:
     """Return in words how much more the choice is worth than an alternative, by the best guess."""
-    guess = round(100.0 * float(ahead.guess[i]))
     return f"{guess or 'less than 1'} of 100 more"
 
 
 def _how_sure_of(ahead: _Ahead, i: int) -> str:
-    """Return the rest of a bracket: how much more or less the choice may be worth, and how sure.
+    """Return the rest of a bracket: how much more the choice is worth at least, and how sure.
 
-    The numbers of 100 are whole, and rounded so that they are still bounds.
+    The result is "" if the alternative may be better. The number of 100 is whole, and rounded down.
     """
-    if math.isnan(ahead.confidence):
+    if math.isnan(ahead.confidence) or ahead.least[i] <= -NO_LOSS:
         return ""
-    least = 100.0 * float(ahead.least[i])
-    if least <= -100.0 * NO_LOSS:
-        by = f"perhaps up to {math.ceil(-least - _SAME)} less"
-    else:
-        whole = math.floor(least + _SAME)
-        by = f"at least {whole} more" if whole >= 1 else "at least as good"
+    whole = math.floor(100.0 * float(ahead.least[i]) + _SAME)
+    by = f"at least {whole} more" if whole >= 1 else "at least as good"
     return f"; {by}, {with_probability(ahead.confidence) or _EVERY}"
 
 
@@ -369,13 +373,10 @@ def _although_wide(told: InWords, shares: Floats, result: Choice) -> str:
             f"{'this range' if len(wide) == 1 else 'these ranges'}, {name} is best"
             f"{short if most >= NO_LOSS else ''}."
         )
-    loss = _told_loss(told, result.loss_bound)
-    by = "" if loss < NO_LOSS else f" by more than {per_hundred(loss)}"
-    sure = with_probability(result.confidence)
+    clearly = "" if _told_loss(told, result.loss_bound) < NO_LOSS else "clearly "
     return (
-        f"{are} known only roughly. Even so the choice is settled: values in "
-        f"{'this range' if len(wide) == 1 else 'these ranges'} that would make another "
-        f"{told.alternative} better{by} do not fit your answers{f' ({sure})' if sure else ''}."
+        f"{are} known only roughly. That is enough here: your answers rule out the combinations of "
+        f"values for which another {told.alternative} would be {clearly}better."
     )
 
 
@@ -412,8 +413,8 @@ def most_short(shares: Floats, best: int, low: Floats, high: Floats) -> float:
 
 
 def _told_loss(told: InWords, loss: float) -> float:
-    """Return a loss as it is said: no finer than a tenth of 100, unless the tolerance is finer."""
-    return loss if loss < NO_LOSS else max(loss, min(_TENTH, told.tolerance))
+    """Return a loss as it is said: no finer than the tolerance, so that one number is enough."""
+    return loss if loss < NO_LOSS else max(loss, told.tolerance)
 
 
 def _better(told: InWords) -> str:
@@ -457,13 +458,14 @@ def _worth(
     low, high = worth.low, worth.high
     points, order, narrow = worth.guess, worth.order, worth.narrow
     best, outcomes = list(names).index(result.name), _outcomes(shares)
+    behind = _behind(points, best)
     rows = tuple(
         (
             printable(names[i]),
             *outcomes[i],
             f"{100 * points[i]:.0f}" if narrow[i] else "not known yet",
             f"{100 * low[i]:.0f} to {100 * high[i]:.0f}",
-            f"{round(100.0 * float(ahead.guess[i]))}",
+            f"{behind[i]}",
         )
         for i in order
     )
@@ -501,14 +503,14 @@ def _none_ahead(names: Sequence[str], ahead: _Ahead, best: int) -> str:
     """
     if math.isnan(ahead.confidence) or len(names) == 1:
         return ""
-    sure = with_probability(ahead.confidence) or _EVERY
     may = [i for i in np.flatnonzero(ahead.least <= -NO_LOSS).tolist() if i != best]
     if not may:
+        sure = with_probability(ahead.confidence) or _EVERY
         return f" {capital(sure)} none of the others is better."
     by = math.ceil(100.0 * float(-ahead.least[may].min()) - _SAME)
     few = len(may) <= _FEW_NAMED
     who = listed([f"“{printable(names[i])}”" for i in may]) if few else f"{len(may)} of the others"
-    return f" {who} may still be better, by at most {by} ({sure})."
+    return f" {who} may still be better, by at most {by}."
 
 
 def _to_keep(names: Sequence[str], result: Choice, ahead: _Ahead, worth: _Worth) -> DataTable:

@@ -229,14 +229,15 @@ def _changes(
         if with_probability(result.confidence):
             some += " More answers may still change this list."
     else:
-        title = f"Your answers do not change the {told.plan}"
+        so_far = "So far your" if rest else "Your"
+        title = f"{so_far} answers do not change the {told.plan}"
         some = f" In all {live} {told.states} the plan is the same."
         if rest:
             some = f" In {live - rest} of {live} {told.states} the plan is the same, and "
             some += f"{_undecided(rest)} too. Further answers might change that."
     if rest and n:
         some += f" In {rest} more, further answers might change it."
-    why_note = " “Why” names the level that matters most by the best guess."
+    why_note = " “Why” names the level that matters most by the best guess." if why else ""
     certain, perhaps = (
         tuple(
             (
@@ -262,14 +263,15 @@ def _changes(
             "More answers may decide for either, but that makes too little difference to go on."
             if _bound(found) <= told.tolerance
             else "More answers may decide for either."
-        ),
+        )
+        + ("" if n else why_note),
         "undecided state",
     )
     return ResultTable(
         title,
         ("State", "With equal steps", "With your values", "Why"),
         certain,
-        f"Compared with {_STEPS}.{some}{why_note if why else ''}\n{told.legend}".strip(),
+        f"Compared with {_STEPS}.{some}{why_note if n else ''}\n{told.legend}".strip(),
         open=not_decided if rest else None,
     )
 
@@ -367,11 +369,11 @@ def policy_stakes(told: InWords, result: Result) -> str | None:
 
 def valuation(mdp: OrdinalMDP) -> str:
     """Return sentences on how a policy is valued, from the values of the levels."""
-    ends = ", and the last one counts for ever" if mdp.terminal.any() else ""
+    ends = " The condition at the end counts as lasting." if mdp.terminal.any() else ""
     return (
-        f"A plan is valued by the levels that follow from it, step by step{ends}. "
-        f"Later steps count less: each {mdp.discount:.4g} times as much as the one before. "
-        "That is so in the plan only: a question compares nothing but what it shows."
+        f"How a plan is valued: by the levels that it leads to, step after step.{ends} Each step "
+        f"counts {mdp.discount:.4g} times as much as the one before. The questions do not use "
+        "this: they compare only what they show."
     )
 
 
@@ -386,7 +388,7 @@ def policy_nearly(
         return None
     return NearlyEnough(
         f"Your plan falls at most {per_hundred(bound)} short of your ideal plan",
-        f"{_close(result, bound)} More questions can bring it below {per_hundred(told.tolerance)}.",
+        _close(result, bound),
         size_of(told, bound, "that is", None),
     )
 
