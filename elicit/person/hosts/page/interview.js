@@ -48,7 +48,8 @@ export function mount(root, send, options = {}) {
   let circled = false; // whether a question was drawn in circles
   let barred = null; // id of the first question after that which is drawn in bars
   let largest = 0; // total of a question so far
-  let room = { width: 0 }; // px that a question may take, above its sides and on each side, and that the head takes
+  let rooms = {}; // px that a question may take, above its sides and on each side, and that the head takes
+  const typed = { who: null, minutes: null }; // on the welcome, which may be drawn again
 
   const banner = part("div", "banner", { role: "alert" });
   const brand = part("div", "brand");
@@ -57,7 +58,8 @@ export function mount(root, send, options = {}) {
   const note = part("p", "note", { role: "status" });
   const trying = part("div", "trying"); // a button beside the note
   const remarks = part("div", "remarks", { id: "elicit-remarks" }); // why a question is put, and the like
-  const slot = part("div", "slot", {}, [remarks, note, trying]); // a question has room for two lines here
+  // one box for both; a question has room for two lines here
+  const slot = part("div", "slot", {}, [part("div", "said", {}, [note, " ", remarks]), trying]);
   const waiting = part("p", "waiting", { role: "status" });
   const body = part("div", "body");
   const saved = part("span", "saved", { role: "status" });
@@ -87,7 +89,10 @@ export function mount(root, send, options = {}) {
     const before = document.activeElement;
     sheet.setAttribute("aria-busy", "true");
     enable(false);
-    const slow = setTimeout(() => say(waiting, screen ? wait.words : GETTING_READY), wait.after);
+    const slow = setTimeout(() => {
+      if (!screen) gettingReady();
+      say(waiting, screen ? wait.words : GETTING_READY);
+    }, wait.after);
     const slower = setTimeout(() => say(waiting, `${waiting.textContent} ${LONG}`), LONG_AFTER);
     let stays = false;
     try {
@@ -118,9 +123,10 @@ export function mount(root, send, options = {}) {
       wait,
     );
 
-  // The program is not ready yet: it has been getting ready for so many seconds.
-  function preparing(seconds) {
-    if (!screen && !body.firstChild) {
+  // Nothing is there to be drawn yet.
+  function gettingReady() {
+    if (!body.firstChild) {
+      brand.replaceChildren(part("b", "", {}, ["Your judgement"]));
       progress.replaceChildren(part("b", "", {}, ["Getting ready"]));
       body.replaceChildren(
         part("h1", "heading", {}, ["Getting ready"]),
@@ -128,6 +134,11 @@ export function mount(root, send, options = {}) {
         part("p", "soft", {}, ["This page goes on by itself."]),
       );
     }
+  }
+
+  // The program is not ready yet: it has been getting ready for so many seconds.
+  function preparing(seconds) {
+    if (!screen) gettingReady();
     say(waiting, `Getting ready: ${seconds} s so far`);
   }
 
@@ -265,38 +276,42 @@ export function mount(root, send, options = {}) {
   }
 
   // The answers are at the same place in every question. What is above them gets room for two lines of notes and for the
-  // usual sentences, and the sides get room for every level and for the most circles, as far as the window has it. A long
-  // note, and long words in the head, take of that room what they need. A question that needs more gets it, and so do all
-  // later ones.
+  // usual sentences, and the sides get room for every level and for the most circles, as far as the window has it. A
+  // narrow page has room for one or the other, and questions of many have a room of their own there. Room that is left
+  // over is at the top. A long note, and long words in the head, take of that room what they need. A question that needs
+  // more gets it, and so do all later ones.
   function steady() {
+    slot.style.minHeight = "";
     const pair = body.querySelector(".lead + .pair");
     if (!pair) return;
     const [cards, lead] = [[...pair.children], pair.previousSibling];
     const counts = cards.map((card) => [...card.querySelectorAll(".row")]);
-    lead.style.minHeight = "";
     for (const row of counts.flat()) row.style.minHeight = "";
     const { clientWidth: width } = body;
     // the bars of a telephone's browser come and go
-    if (room.width !== width || Math.abs(room.height - window.innerHeight) > BARS_OF_BROWSER) {
-      room = { width, height: window.innerHeight, lead: 0, card: 0, head: Infinity };
+    if (rooms.width !== width || Math.abs(rooms.height - window.innerHeight) > BARS_OF_BROWSER) {
+      rooms = { width, height: window.innerHeight, head: Infinity };
     }
     const narrow = width < NARROW;
     const em = parseFloat(getComputedStyle(body).fontSize);
     const line = parseFloat(getComputedStyle(body).lineHeight);
     const top = waiting.parentNode; // of what is above the sides
     largest = Math.max(largest, screen.question.of);
-    const linesOfCircles = Math.min(MOST_LINES, Math.ceil(largest / 10));
-    const usual = LINES + (narrow && linesOfCircles > 2 ? 1 : 0) + (screen.legend.duration ? (narrow ? LINES_OF_DURATION : 1) : 0);
+    const linesOfCircles = Math.min(MOST_LINES, Math.ceil((narrow ? screen.question.of : largest) / 10));
+    const many = narrow && linesOfCircles > 2;
+    const room = (rooms[many ? "many" : "few"] ??= { lead: 0, card: 0 });
+    const usual = (many ? LINES + 1 : narrow ? 0 : LINES) + (screen.legend.duration ? (narrow ? LINES_OF_DURATION : 1) : 0);
     const slotted = parseFloat(getComputedStyle(slot).minHeight);
     const notes = slotted + parseFloat(getComputedStyle(slot).marginBottom);
     const passing = trying.firstChild ? Math.max(0, slot.offsetHeight - slotted) : 0; // comes once, if at all
-    room.head = Math.min(room.head, sheet.firstChild.offsetHeight);
-    const more = sheet.firstChild.offsetHeight - room.head;
+    if (narrow && !many) slot.style.minHeight = "0";
+    rooms.head = Math.min(rooms.head, sheet.firstChild.offsetHeight);
+    const more = sheet.firstChild.offsetHeight - rooms.head;
     const down = () => pair.getBoundingClientRect().top - top.getBoundingClientRect().top;
     const between = down() - (lead.getBoundingClientRect().bottom - top.getBoundingClientRect().top);
     const heading = body.firstChild.offsetHeight + parseFloat(getComputedStyle(body.firstChild).marginBottom);
-    room.lead = Math.max(room.lead, down() + more - passing, notes + heading + (usual + 0.5) * line + between);
-    lead.style.minHeight = `${Math.max(0, lead.offsetHeight + room.lead - more - down())}px`;
+    room.lead = Math.max(room.lead, down() + more - passing, notes + heading + (usual + BETWEEN) * line + between);
+    slot.style.minHeight = `${Math.max(0, slot.offsetHeight + room.lead - more - down())}px`;
     // the room that is left over is shared by the rows; all are measured before the first one changes
     const tall = counts.map((rows) => rows.map((row) => row.getBoundingClientRect().height));
     const frame = cards[0].offsetHeight - tall[0].reduce((sum, one) => sum + one, 0);
@@ -305,11 +320,11 @@ export function mount(root, send, options = {}) {
     const most = Math.max(least, (narrow ? linesOfCircles * LINE_OF_CIRCLES.narrow : MOST_LINES * LINE_OF_CIRCLES.wide) * em);
     const wanted = Math.max(levels * least, 2 * most + Math.max(1, Math.min(levels, 4) - 2) * least);
     // where a question can have more than a few circles, a narrow page is higher than its window
-    const needed = narrow && linesOfCircles > 2 ? most + Math.min(levels - 1, 3) * least : 0;
+    const needed = many ? most + Math.min(levels - 1, 3) * least : 0;
     const below = (narrow ? BELOW.narrow : BELOW.wide) * em;
-    const above = room.head + room.lead + parseFloat(getComputedStyle(top.parentNode).paddingTop);
+    const above = rooms.head + room.lead + parseFloat(getComputedStyle(top.parentNode).paddingTop);
     const apart = narrow ? 2 : 1; // the sides are below each other
-    const left = (room.height - above - below) / apart - frame;
+    const left = (rooms.height - above - below) / apart - frame;
     const rows = Math.max(USUAL_ROWS * least, needed, Math.min(wanted, left));
     room.card = Math.max(room.card, frame + rows, ...cards.map((card) => card.offsetHeight));
     const heights = tall.map((rows, i) => rows.map((one) => one + (room.card - cards[i].offsetHeight) / rows.length));
@@ -335,7 +350,8 @@ export function mount(root, send, options = {}) {
     }
     const now = reached.findLast(Boolean);
     bar.firstChild.style.width = `${over ? 100 : (now?.width ?? 0)}%`;
-    bar.hidden = ["welcome", "practice"].includes(screen.stage) || !(over || now);
+    // at the end nothing is left to come, and the bar of who stopped early would not say so
+    bar.hidden = ["welcome", "practice"].includes(screen.stage) || (screen.stage === "end" ? !over : !now);
     if (over) reached = []; // whoever asks for more begins anew
   }
 
@@ -403,15 +419,19 @@ export function mount(root, send, options = {}) {
   function welcome() {
     const { who: known, compare, purpose, before, source, offered, least, budgets } = screen.welcome;
     const who = part("input", "field", { type: "text", id: "elicit-who", maxlength: "80", autocomplete: "off" });
-    who.value = known;
+    who.value = known || (typed.who ?? "");
     who.disabled = Boolean(known); // the log is this person's
+    who.addEventListener("input", () => (typed.who = who.value));
     const choices = budgets.map((one) => [`${one.minutes}`, `${one.minutes} minutes`, `about ${one.questions} questions`]);
     choices.push(["", "Until the result is settled", "stop any time"]);
-    const radios = choices.map(([value, words, label], i) => {
+    const radios = choices.map(([value, words, label]) => {
       const input = part("input", "", { type: "radio", name: "elicit-budget", value });
-      input.checked = i === choices.length - 1;
+      input.checked = value === (typed.minutes ?? "");
       input.setAttribute("aria-describedby", "elicit-likely");
-      input.addEventListener("change", sayLikely);
+      input.addEventListener("change", () => {
+        typed.minutes = value;
+        sayLikely();
+      });
       const said = part("span", "", {}, [part("b", "", {}, [words]), " ", part("span", "soft", {}, [label])]);
       return part("label", "choice", {}, [input, said]);
     });
@@ -563,7 +583,7 @@ export function mount(root, send, options = {}) {
       show({ do: "choose", option }, undefined, option === "finish" ? RESULT : NEXT);
     }
     const parts = [part("p", "", {}, [text]), part("div", "mid options stack", {}, buttons)];
-    return [{ heading: [heading], name: "Your choice", more: "" }, ...parts, part("div", "mid", {}, [undoing()])];
+    return [{ heading: [heading], name: "Your choice", more: "" }, ...parts, part("div", "mid stack", {}, [undoing()])];
   }
 
   // What came in beside the question: how many more there are, and why this one.
@@ -717,7 +737,8 @@ export function mount(root, send, options = {}) {
     field.addEventListener("input", filter);
     kind.addEventListener("change", filter);
     const heads = columns.map((column, i) => part("th", numbers[i] ? "number" : "", { scope: "col", role: "columnheader" }, [column]));
-    const table = part("table", columns.length > 3 ? "changes many" : "changes", { role: "table" }, [
+    const longer = rows.some((row) => row.at(-1).length > SHORT) ? " longer" : "";
+    const table = part("table", `changes${columns.length > 3 ? " many" : ""}${longer}`, { role: "table" }, [
       part("thead", "", { role: "rowgroup" }, [part("tr", "", { role: "row" }, heads)]),
       part("tbody", "", { role: "rowgroup" }, lines),
     ]);
@@ -788,7 +809,8 @@ export function mount(root, send, options = {}) {
   }
 
   function returning() {
-    const words = { end: "Back to the result", welcome: "Back" }[screen.stage] ?? "Back to the question";
+    const to = { end: " to the result", practice: " to the question", question: " to the question" };
+    const words = `Back${to[screen.stage] ?? ""}`;
     return part("div", "mid", {}, [button("pick", words, closeBeside)]);
   }
 
@@ -863,14 +885,15 @@ export function mount(root, send, options = {}) {
 
 const USUAL_ROWS = 3; // levels that get room even in a low window
 const LINES = 2; // of the sentences above the sides
+const BETWEEN = .42; // of a line, between two of them
 const LINES_OF_DURATION = 2; // on a narrow page
 const MOST_LINES = 5; // of circles: ten in a line, and at most 50
 const LINE_OF_CIRCLES = { wide: 1.12, narrow: .96 }; // em, with the gap below it
-const BELOW = { wide: 9.05, narrow: 4.7 }; // em that the other answers take below the sides, and on a wide page what follows
+const BELOW = { wide: 9.3, narrow: 4.7 }; // em that the other answers take below the sides, and on a wide page what follows
 const BARS_OF_BROWSER = 120; // px
 const STEPS = 2; // how many times as far as expected the bar goes at one answer, unless that is not half the way
 const NARROW = 640; // px of width, as the style has it
-const WIDE = 40; // width of a range, of 100, from which it is called wide
+const SHORT = 10; // letters of a cell that has room in half a narrow page
 const FEW = 12; // rows that need no filter, and are shown at once
 const NEXT = { words: "Working out what comes next ...", after: SLOW };
 const GETTING_READY = "Getting ready ...";
@@ -883,6 +906,7 @@ const BARS = "These numbers are too large to draw circles, so the length of a ba
 const ROSE = " (more than it seemed before)";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
 const UNFORESEEN = "How far each choice of time gets cannot be foreseen here. You will see it as you go.";
+const MEANT = "If no answer is a mistake"; // head of a column
 const GIVEN = "It was given when the program was started.";
 const MENDS = "Taking back any one of them fixes it. The others stay.";
 const SURE = { yes: "Yes, take it back", no: "No, keep it" };
@@ -890,7 +914,8 @@ const LETTERS = { on: "A, B, ? and U work", off: "only the arrow keys work" };
 const KEYED = new Set(["practice", "question"]); // stages that letters answer
 const NUMBER = /^(-|not known yet|-?\d[\d.,]*( to \d+)?( \((at least|or) [^)]*\))?)$/; // a cell to be set right-aligned
 const STAYS = "stays"; // returned by what changes nothing on the screen
-const WHEN = { dateStyle: "medium", timeStyle: "short" };
+const TIME = { hour: "2-digit", minute: "2-digit", hourCycle: "h23", timeZoneName: "short" };
+const WHEN = { year: "numeric", month: "short", day: "numeric", ...TIME };
 const FILES = {
   scale: "the value and range of each level",
   plan: "what follows from your answers",
@@ -993,7 +1018,7 @@ const circles = (asked) =>
 
 function icon(level, levels) {
   const mark = level === 0 ? "✕" : level === levels - 1 ? "✓" : "";
-  const made = part("i", mark ? "icon marked" : "icon", { "aria-hidden": "true" }, [mark]);
+  const made = part("i", mark ? `icon marked${level ? "" : " worst"}` : "icon", { "aria-hidden": "true" }, [mark]);
   return painted(made, colourOf(level, levels));
 }
 
@@ -1014,23 +1039,28 @@ export function colourOf(level, levels) {
 }
 
 // What the levels are worth, as a table whose middle column is a picture. A level of which too little is known has no
-// best guess. On a `small` page how to read it is folded.
+// best guess. Where answers taken as given leave less than a whole range, a column has that. On a `small` page how to
+// read it is folded.
 function worth(scale, certainty, notes, small) {
-  const head = ["Level", null, "Best guess", "Range"].map((words) =>
+  const both = scale.some(({ given: taken, low, high }) => narrower(taken, low, high));
+  const head = ["Level", null, "Best guess", ...(both ? [MEANT] : []), "Range"].map((words) =>
     words
-      ? part("th", "", { scope: "col", role: "columnheader" }, [words])
+      ? part("th", words === MEANT ? "meant" : "", { scope: "col", role: "columnheader" }, [words])
       : part("td", "drawn", { role: "cell" }, [axis()]),
   );
   const rows = scale.map((row, i) => {
     const { label, value, low, high, asked, known, rough } = row;
+    const taken = both ? row.given : null;
     const range = low === high ? "fixed" : `${low} to ${high}`;
+    const meant = taken && low !== high ? (taken[0] === taken[1] ? String(taken[0]) : `${taken[0]} to ${taken[1]}`) : "";
     const name = asked ? [label] : [label, part("span", "soft small never", {}, ["never asked"])];
     return part("tr", "", { role: "row" }, [
       part("th", "", { scope: "row", role: "rowheader" }, name),
       part("td", "drawn", { role: "cell" }, [
-        interval(low, value, high, colourOf(scale.length - 1 - i, scale.length), known, rough),
+        interval(low, value, high, colourOf(scale.length - 1 - i, scale.length), known, rough, taken),
       ]),
       part("td", "number", { role: "cell" }, [guessWords(row)]),
+      ...(both ? [part("td", "number meant", { role: "cell", "data-head": MEANT }, [meant])] : []),
       part("td", "number", { role: "cell" }, [range]),
     ]);
   });
@@ -1038,10 +1068,10 @@ function worth(scale, certainty, notes, small) {
   const ends = `From 0 (“${worst}”) to 100 (“${best}”).`;
   const said = [
     `A level at 60 is as good to you as 60 of 100 at “${best}” and 40 at “${worst}”.`,
-    `Dot: best guess. Bar: range (${certainty}).`,
+    `Dot: best guess. ${both ? "Thick bar: range if no answer is a mistake. Thin bar" : "Bar"}: range (${certainty}).`,
   ].join(" ");
   // roles, because a narrow page lays the rows out as a grid, which takes the table's own roles away
-  const table = part("table", "worth", { role: "table" }, [
+  const table = part("table", both ? "worth both" : "worth", { role: "table" }, [
     part("caption", "soft", {}, [small ? ends : `${ends} ${said}`]),
     part("thead", "", { role: "rowgroup" }, [part("tr", "", { role: "row" }, head)]),
     part("tbody", "", { role: "rowgroup" }, rows),
@@ -1066,21 +1096,28 @@ export function axis() {
   return svg("svg", { class: "axis", "aria-hidden": "true", focusable: "false" }, marks);
 }
 
-// A level's best guess, or words in its place. A rough one in a wide range is not said: its range stands alone.
-export const guessWords = ({ value, known, rough, low, high }) => {
+// A level's best guess, or words in its place.
+export const guessWords = ({ value, known, rough }) => {
   if (known) return String(Math.round(value));
-  if (rough) return high - low > WIDE ? "" : `about\u00a0${Math.round(value)}`;
-  return "not known yet";
+  return rough ? `about\u00a0${Math.round(value)}` : "not known yet";
 };
 
+// Whether the range of a level if every answer is meant as it was `taken` is there, and less than the whole one.
+const narrower = (taken, low, high) => Boolean(taken) && taken[1] - taken[0] < high - low;
+
 // A level's range with a dot at its best guess. One of which too little is `asked` has a hollow bar, and a hollow dot if
-// it is known roughly.
-export function interval(low, value, high, colour, asked, rough = false) {
+// it is known roughly. The range if every answer is meant as it was `taken` is a thick bar, and the whole one then thin.
+export function interval(low, value, high, colour, asked, rough = false, taken = null) {
   const marks = [0, 25, 50, 75, 100].map((x) => `${x}%`);
   const grid = marks.map((x) => svg("line", { class: "grid", x1: x, x2: x, y1: 0, y2: "100%" }));
   const [x, width] = [`${low}%`, `${high - low}%`];
-  const bar = { x, width, y: "25%", height: "50%", rx: 3 };
+  const two = narrower(taken, low, high);
+  const bar = two ? { x, width, y: "40%", height: "20%", rx: 2 } : { x, width, y: "25%", height: "50%", rx: 3 };
   const parts = [asked ? painted(svg("rect", { ...bar, class: "open" }), colour) : svg("rect", { ...bar, class: "open unknown" })];
+  if (two) {
+    const inner = { class: "open", x: `${taken[0]}%`, width: `${taken[1] - taken[0]}%`, y: "25%", height: "50%", rx: 3 };
+    parts.push(painted(svg("rect", inner), colour));
+  }
   const end = low === high;
   if (end) parts.push(painted(svg("circle", { class: "fixed", cx: `${value}%`, cy: "50%", r: 7 }), colour));
   else if (asked) parts.push(svg("circle", { class: "guess", cx: `${value}%`, cy: "50%", r: 3 }));

@@ -149,7 +149,7 @@ function agreeing({ few, levels, certainty, questions, groups, people: who }) {
   if (few) return [section("Agreement so far", [part("p", "soft", {}, [few])])];
   const said =
     "Each level's value to each person, from 0, the worst level, to 100, the best. The bar is the range, " +
-    "and the dot is the best guess. A dashed bar is a wide range: its best guess, with a hollow dot, is not exact yet, and has no number where the range is over 40. “Not known yet” means that none of the person's answers narrows a range. " +
+    "and the dot is the best guess. A dashed bar is a wide range: its best guess, with a hollow dot, is not exact yet. “Not known yet” means that none of the person's answers narrows a range. " +
     `The ranges hold ${certainty}.`;
   const rows = levels.flatMap(({ label, each }, i) => [
     part("tr", "first", {}, [part("th", "level", { scope: "rowgroup", colspan: "3" }, [label])]),

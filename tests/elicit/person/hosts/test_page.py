@@ -469,6 +469,41 @@ def test_neither_many_circles_nor_notes_nor_why_move_an_answer_or_change_a_size(
     assert np.ptp(seen, axis=0).max() <= 1.5, seen  # px
 
 
+@pytest.mark.parametrize("size", [{"width": 1280, "height": 864}, NARROW], ids=["wide", "narrow"])
+def test_all_answers_are_seen_close_below_the_words_and_notes_share_a_box(
+    windows: Windows, size: dict[str, int]
+) -> None:
+    """Four levels, of which a question shows two, three or all."""
+    labels = ("died", "needs daily care", "limited", "no complaints")
+    questions = bags(((0, 0, 10, 0), (4, 0, 0, 6)), ((0, 3, 0, 7), (2, 0, 8, 0)))
+    words = replace(WORDS, duration="Each patient stays in the condition shown for five years.")
+    box = "(s) => document.querySelector(s).getBoundingClientRect().toJSON()"
+    tops = []
+    with served(windows.log, questions, labels, words) as server:
+        page = windows.open(server, size)
+        start(page)
+        for stage in ("Practice", "Question 1", "Question 2", "Question 1 again"):
+            if stage == "Question 1 again":
+                name(page, "Take back last answer").click()
+                at(page, "Question 1")
+                words_of_box = " ".join(page.inner_text(".said").split())
+                assert words_of_box.startswith("Taken back. This is the same question again, ")
+            else:
+                at(page, stage)
+            said, heading, pair, lead, last = (
+                page.evaluate(box, one) for one in (".said", "h1", ".pair", ".lead", ".mid")
+            )
+            assert page.locator(".said").is_visible() == (stage != "Question 2")
+            if stage != "Question 2":
+                assert heading["top"] - said["bottom"] >= 8  # px
+            assert pair["top"] - lead["bottom"] <= 20
+            assert last["bottom"] <= size["height"]
+            tops.append((pair["top"], last["top"]))
+            if stage in ("Practice", "Question 1"):
+                click(page, "a")
+    assert np.ptp(tops, axis=0).max() <= 1.5, tops
+
+
 def test_nothing_looks_chosen_under_a_pointer_that_rests(windows: Windows) -> None:
     colour = "getComputedStyle(document.querySelector('[data-choice=a]')).backgroundColor"
     with served(windows.log) as server:
@@ -1259,6 +1294,165 @@ def test_a_name_and_the_minutes_are_sent_with_the_start(windows: Windows) -> Non
         at(page, "Question 1")
         answer(page, "a")
     assert AnswerLog.read(windows.log)[0].metadata["who"] == "Ann"
+
+
+def test_what_was_typed_on_the_welcome_stays_there(windows: Windows) -> None:
+    with served(windows.log, words=replace(WORDS, duration="Each for a year."), least=1) as server:
+        page = windows.open(server)
+        at(page, "Welcome")
+        assert page.get_by_label("Until the result is settled").is_checked()
+        page.fill("#elicit-who", "Ann")
+        page.get_by_label("10 minutes").check()
+        for leave in (lambda: page.keyboard.press("Escape"), page.go_back):
+            name(page, "What the levels mean").click()
+            at(page, "What the levels mean")
+            leave()
+            at(page, "Welcome")
+            assert page.input_value("#elicit-who") == "Ann"
+            assert page.get_by_label("10 minutes").is_checked()
+        start(page)
+        click(page, "a")
+        at(page, "Question 1")
+        answer(page, "a")
+    assert AnswerLog.read(windows.log)[0].metadata["who"] == "Ann"
+
+
+def test_until_the_first_screen_is_there_the_page_says_that_it_takes_seconds(
+    windows: Windows,
+) -> None:
+    held: list[Any] = []
+    with served(windows.log) as server:
+        page = windows.open(server)
+        at(page, "Welcome")
+        page.route("**/api", lambda route: held.append(route))
+        page.reload()
+        page.locator("h1", has_text="Getting ready").wait_for()
+        assert page.inner_text(".brand") == "Your judgement"
+        assert page.inner_text(".body p >> nth=0").startswith("This takes a few seconds.")
+        held.pop(0).continue_()
+        at(page, "Welcome")
+        page.unroute("**/api")
+
+
+def test_a_bar_says_what_the_answers_say_if_none_is_a_mistake(windows: Windows) -> None:
+    """The whole range is then the thin bar around it."""
+    labels = ("died", "critical", "moderate", "recovered")
+    known = {"moderate": ([55, 65], 34, 100, 61, False), "critical": ([0, 39], 0, 39, 6, True)}
+    given: list[Any] = [None]
+
+    def api(route: Any) -> None:
+        reply = route.fetch()
+        screen = reply.json()
+        for row in (screen.get("end") or {}).get("scale", []):
+            if row["label"] in known:
+                taken, low, high, value, sure = known[row["label"]]
+                row.update(low=low, high=high, value=value, known=sure, rough=not sure, asked=True)
+                row["given"] = taken if given[0] else None
+        route.fulfill(response=reply, json=screen)
+
+    def rows() -> list[list[str]]:
+        return [
+            one.locator("> *:not(.drawn)").all_inner_texts()
+            for one in page.locator(".worth tbody tr").all()
+        ]
+
+    def bars(i: int) -> list[float]:
+        rects = page.locator(".worth tbody tr").nth(i).locator("rect")
+        return [one.bounding_box()["height"] for one in rects.all()]
+
+    with served(windows.log, bags(((0, 0, 10, 0), (4, 0, 0, 6))), labels) as server:
+        page = practised(windows, server)
+        page.route("**/api", api)
+        answer(page, "a")
+        at(page, "Result")
+        assert rows() == [
+            ["recovered", "100", "fixed"],
+            ["moderate", "about\u00a061", "34 to 100"],
+            ["critical", "6", "0 to 39"],
+            ["died", "0", "fixed"],
+        ]
+        assert [len(bars(i)) for i in (1, 2)] == [1, 1]
+        given[0] = True
+        page.reload()
+        at(page, "Result")
+        assert page.locator(".worth thead .meant").inner_text() == "If no answer is a mistake"
+        assert rows() == [
+            ["recovered", "100", "", "fixed"],
+            ["moderate", "about\u00a061", "55 to 65", "34 to 100"],
+            ["critical", "6", "0 to 39", "0 to 39"],
+            ["died", "0", "", "fixed"],
+        ]
+        thin, thick = bars(1)
+        assert thick >= 2 * thin
+        assert len(bars(2)) == 1
+        assert "Thick bar: range if no answer is a mistake." in page.inner_text(".worth caption")
+        violated(page)
+        page.set_viewport_size(NARROW)
+        page.reload()
+        at(page, "Result")
+        assert rows()[1] == ["moderate", "about\u00a061", "55 to 65", "34 to 100"]
+        moderate = page.locator(".worth tbody tr").nth(1)
+        picture, line = (moderate.locator(one).bounding_box() for one in (".drawn", ".meant"))
+        assert picture["width"] == line["width"]
+        assert line["y"] > picture["y"]
+        fits(page)
+        violated(page)
+
+
+def test_who_stops_early_sees_no_bar_and_times_of_24_hours(windows: Windows) -> None:
+    with served(windows.log) as server:
+        page = practised(windows, server, timezone_id="Europe/Berlin")
+        before = page.locator("h1").bounding_box()["y"]
+        answer(page, "a")
+        name(page, "Finish now").click()
+        at(page, "Result")
+        assert not page.locator(".meter").is_visible()
+        assert page.locator("h1").bounding_box()["y"] < before  # the room for notes is gone
+        name(page, "Your answers").click()
+        at(page, "Your answers")
+        assert re.search(r", \d\d:\d\d GMT\+[12]$", page.inner_text(".list time"))
+        name(page, "Back to the result").click()
+        at(page, "Result")
+
+
+def test_on_a_phone_numbers_stand_in_two_columns(windows: Windows) -> None:
+    levels = ("no complaints", "limited", "needs daily care", "died")
+    offered = ResultTable(
+        columns=("treatment", *levels),
+        rows=(("Surgery now", "70", "20", "4", "6"), ("Wait and see", "30", "36", "30", "4")),
+        title="The treatments",
+        of="treatment",
+    )
+    shown = replace(
+        offered,
+        columns=(*offered.columns, "worth", "range", "behind"),
+        rows=tuple((*row, "86", "81 to 93", "0") for row in offered.rows),
+        marked=0,
+        mark="chosen",
+        unfolded=True,
+    )
+    concluded = Conclusion(headline="Surgery now is best.", changes=shown, settled=True)
+    parts = {"offered": offered, "conclude": lambda *_: concluded}
+
+    def places() -> list[tuple[int, int]]:
+        boxes = [one.bounding_box() for one in page.locator(".changes tr >> nth=1 >> td").all()]
+        columns = sorted({box["x"] for box in boxes})
+        lines = sorted({box["y"] for box in boxes})
+        return [(lines.index(box["y"]), columns.index(box["x"])) for box in boxes]
+
+    with served(windows.log, QUESTIONS[:1], **parts) as server:
+        page = windows.open(server, NARROW)
+        at(page, "Welcome")
+        page.click("text=Show the 2 treatments")
+        assert places() == [(0, 0), (0, 1), (1, 0), (1, 1)]
+        practise(page)
+        click(page, truthfully(page))
+        at(page, "Result")
+        page.locator(".fold > summary", has_text="The treatments").click()
+        assert places() == [(i // 2, i % 2) for i in range(7)]
+        heads = page.locator(".changes .chosen td")
+        assert heads.evaluate_all("all => all.every((one) => one.offsetHeight < 30)")
+        fits(page)
 
 
 def test_a_long_table_of_changes_is_folded_and_filtered(windows: Windows) -> None:
