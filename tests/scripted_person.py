@@ -96,7 +96,7 @@ def truthful(question: str, values: Mapping[str, float]) -> str:
     """The key of the side that is worth more by the values of the levels, by name; in 80
     columns. An offer to stop is declined.
     """
-    if on := re.search(r"^(\d): Ask me more", question, re.MULTILINE):
+    if on := re.search(r"^(\d): Go on until it is settled", question, re.MULTILINE):
         return on[1]
     worth = [0.0, 0.0]
     for line in question.splitlines():

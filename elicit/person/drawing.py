@@ -425,7 +425,7 @@ class Drawing:
             )
         rows = [] if known is None else scale_rows(known, subject.labels, session.log)
         as_given = self._rows_as_given()
-        scale = [row._asdict() | {"given": given_in(row, as_given)} for row in rows]
+        scale = [row._replace(given=given_in(row, as_given))._asdict() for row in rows]
         settled = found.settled and caution is None and enough
         rests = settled and changes is not None and changes.open is not None
         status = "Settled" if settled else NEARLY if nearly else "Not settled"

@@ -55,6 +55,8 @@ class ScaleRow(NamedTuple):
     ``rough`` is True if the level is not ``known``, but answers are about it and its interval is
     less than the whole scale. Its best guess is "about" 75, where that of another level is "not
     known yet".
+
+    ``given`` has the two ends of the range if no answer is a mistake (see ``given_in``).
     """
 
     label: str
@@ -64,6 +66,7 @@ class ScaleRow(NamedTuple):
     asked: bool = True
     known: bool = True
     rough: bool = False
+    given: Sequence[float] | None = None
 
 
 def guess_in_words(value: float, known: bool, rough: bool) -> str:

@@ -356,11 +356,12 @@ def scale_report(rows: Sequence[ScaleRow], certainty: str, width: int) -> list[s
     The best level comes first, values run from 0 to 100, and lines have at most ``width`` columns.
     """
     name = min(max(len(row.label) for row in rows), width - 24)
-    bar = min(_BAR, width - name - 27)
+    has_given = any(row.given for row in rows)
+    bar = min(_BAR, width - name - 27 - 11 * has_given)
+    between = f"range if no answer is a mistake, range {certainty}"
     said = (
         "What the levels are worth, from 0 to 100: 60 is as good as 60 of 100 at the best level "
-        "and 40 at the worst "
-        f"(best guess, interval; {certainty})"
+        f"and 40 at the worst (best guess, {between if has_given else f'interval; {certainty}'})"
     )
     lines = textwrap.wrap(said, width)
     for row in rows:
@@ -368,7 +369,10 @@ def scale_report(rows: Sequence[ScaleRow], certainty: str, width: int) -> list[s
         guessed = row.known
         guess = guess_in_words(row.value, guessed, row.rough) if guessed or row.rough else "unknown"
         picture = _bar(row.low, row.value if guessed else None, row.high, bar)
-        line = f"    {row.label[:name]:{name}} {guess:>8}  {known:9}"
+        line = f"    {row.label[:name]:{name}} {guess:>8}  "
+        if has_given:
+            line += f"{'{:.0f} to {:.0f}'.format(*row.given) if row.given else '':9}  "
+        line += f"{known:9}"
         lines.append(f"{line}  {picture if bar >= _LEAST_BAR else ''}".rstrip())
     return lines
 

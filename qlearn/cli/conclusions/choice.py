@@ -365,15 +365,14 @@ def _although_wide(told: InWords, shares: Floats, result: Choice) -> str:
     )
     are = f"{named} {'is' if len(wide) == 1 else 'are'}" if few else f"{len(wide)} levels are"
     it = "it is" if len(wide) == 1 else "they are"
-    most = most_short(shares, result.best, low, high)
-    if most < told.little + NO_LOSS:
-        short = f" or at most {math.ceil(100 * most - _SAME)} of 100 short of the best"
+    most, loss = most_short(shares, result.best, low, high), _told_loss(told, result.loss_bound)
+    if most <= max(loss, NO_LOSS):
         return (
             f"{are} known only roughly. Even so, whatever {it} worth within "
             f"{'this range' if len(wide) == 1 else 'these ranges'}, {name} is best"
-            f"{short if most >= NO_LOSS else ''}."
+            f"{', or nearly so' if most >= NO_LOSS else ''}."
         )
-    clearly = "" if _told_loss(told, result.loss_bound) < NO_LOSS else "clearly "
+    clearly = "" if loss < NO_LOSS else "clearly "
     return (
         f"{are} known only roughly. That is enough here: your answers rule out the combinations of "
         f"values for which another {told.alternative} would be {clearly}better."

@@ -14,6 +14,7 @@ from elicit import (
 )
 from elicit.person.findings import (
     ScaleRow,
+    given_in,
     guess_in_words,
     is_known,
     overlap,
@@ -69,18 +70,13 @@ def test_rows_after_one_answer_say_what_is_known_and_that_ranges_overlap() -> No
 
 
 @pytest.mark.parametrize(
-    ("known", "rough", "width", "said"),
-    [
-        (True, False, 50, "41"),
-        (False, True, 40, "about 41"),
-        (False, True, 41, ""),
-        (False, False, 41, "not known yet"),
-    ],
+    ("known", "rough", "said"),
+    [(True, False, "41"), (False, True, "about 41"), (False, False, "not known yet")],
 )
 def test_a_best_guess_that_is_not_exact_or_not_known_is_said_to_be(
-    known: bool, rough: bool, width: float, said: str
+    known: bool, rough: bool, said: str
 ) -> None:
-    assert guess_in_words(40.6, known, rough, width) == said
+    assert guess_in_words(40.6, known, rough) == said
 
 
 def test_a_best_guess_in_a_wide_range_is_called_inexact_and_the_reason_is_said() -> None:
@@ -97,8 +93,7 @@ def test_a_best_guess_in_a_wide_range_is_called_inexact_and_the_reason_is_said()
     assert (ill.low, ill.high) != (0, 100)
     notes = " ".join(scale_notes(found, comparator, settled=True))
     assert "“Not known yet” (no dot): no answer is about it" in notes  # fair
-    assert "Hollow dot: a rough best guess, “about” so much. It has no number" in notes
-    assert "It has no number where the range is over 40. The result allows" in notes
+    assert "Hollow dot: a rough best guess, “about” so much. The result allows" in notes
     wide = f"“ill” ({ill.low:.0f} to {ill.high:.0f}) still has a wide range although you answered "
     assert notes.startswith(f"{wide}about it, because any one answer may be a mistake. About 2 to ")
     assert " more questions about levels would narrow every range to 40 or less." in notes
@@ -116,7 +111,7 @@ def test_a_best_guess_in_a_wide_range_is_called_inexact_and_the_reason_is_said()
     assert "The result allows for all that is still possible for “ill”, and" in notes
     assert "does not need to know it more exactly" in notes
     notes = " ".join(scale_notes(without, PolytopeComparator(4), settled=False))
-    assert "It has no number where the range is over 40. The result" in notes
+    assert "Hollow dot: a rough best guess, “about” so much. The result" in notes
     assert "still has a wide range. More answers about it would narrow it. " in notes
     assert notes.count("does not need") == notes.count("mistake") == 0
 
@@ -133,23 +128,24 @@ def test_the_note_on_wide_ranges_names_the_levels_whose_best_guess_is_about() ->
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "said"),
-    [(0, 50, "at 50 or less"), (50, 100, "at 50 or more"), (20, 50, "at 20 to 50"), (0, 84, "")],
+    ("low", "high", "shown"), [(0, 50, True), (20, 50, True), (0, 83, True), (0, 84, False)]
 )
-def test_beside_a_wide_range_stands_what_the_answers_say_as_given(
-    low: float, high: float, said: str
+def test_beside_a_wide_range_stands_that_of_the_answers_if_none_is_a_mistake(
+    low: float, high: float, shown: bool
 ) -> None:
     ends = [ScaleRow("well", 100, 100, 100), ScaleRow("died", 0, 0, 0)]
     wide = ScaleRow("ill", 40, 0, 84, known=False, rough=True)
     narrow = ScaleRow("fair", 95, 94, 97)
     given = [ScaleRow("ill", 40, low, high), ScaleRow("fair", 95, 95, 96)]
+    assert given_in(wide, given) == ((low, high) if shown else None)
+    assert given_in(narrow, given) == (95, 96)
+    assert given_in(wide, []) is None
+    assert given_in(wide._replace(asked=False), given) is None
     rows = [ends[0], narrow, wide, ends[1]]
     [first, *_] = scale_notes(rows, PosteriorComparator(4), True, given)
-    sentence = f"Taken as given, your answers put “ill” {said}. The wide range also allows for "
-    assert (sentence in first) == bool(said)
-    assert ("Taken as given" in first) == bool(said)
+    assert first.startswith("The range is wider, because any one answer may be a") == shown
+    assert first.startswith("“ill” (0 to 84) still has a wide range") != shown
     assert "fair" not in first
-    assert "Taken as given" not in " ".join(scale_notes(rows, PosteriorComparator(4), True))
 
 
 def test_an_answer_that_narrows_nothing_leaves_a_level_unknown() -> None:

@@ -138,7 +138,7 @@ def test_most_who_answer_by_chance_get_an_end_that_says_so() -> None:
         end = screen["end"]
         said += end["caution"] is not None
         # who passes all checks by chance cannot be told from one who means it
-        assert "Somebody who chose by tossing a coin would do as well in " in end["by_chance"]
+        assert "Somebody who guessed A or B each time would do as well in " in end["by_chance"]
         if end["caution"] is None and end["settled"]:
             cases = int(re.search(r"in 1 of (\d+) interviews", end["by_chance"])[1])
             assert cases >= 25
@@ -371,8 +371,8 @@ def test_a_budget_is_said_once_and_the_person_can_go_on() -> None:
         Interview(session, told.subject) as interview,
     ):
         assert re.fullmatch(
-            r"Without your answers, the program's choice could be worth less to you than the best "
-            r"one: by at most as much as it would matter to you if [\d.]+ in 100 \w+ "
+            r"Without your answers, the program could choose worse for you than the best: by at "
+            r"most as much as if [\d.]+ in 100 \w+ "
             r"were at “.*” instead of “.*”\.",
             interview.handle({"do": "state"})["welcome"]["before"],
         )
@@ -747,7 +747,7 @@ def test_a_choice_is_settled_only_if_no_other_alternative_is_better_by_the_toler
         person.until("end", answers)
         end = interview.handle({"do": "result"})["end"]
         assert end["settled"] == (answers == 99)
-        most = "more than|at most" if answers else "matter to you if"  # at first there is no guess
+        most = "more than|at most" if answers else "as much as if"  # at first there is no guess
         said = f"{end['sure']} {end['next']} {end['before']}"
         bound = re.search(rf"(?:{most}) ([\d.]+) in 100", said)
         assert bound
@@ -841,7 +841,7 @@ def test_of_alternatives_that_nearly_tie_that_is_said_early_and_stopping_is_offe
         person.step()
         if option == "finish":
             end = person.screen["end"]
-            assert end["status"] == "Little left to gain"
+            assert end["status"] == "Nearly settled"
             assert not end["settled"]
             assert end["more"]
             assert end["headline"] == f"{offer['heading']}."
@@ -868,7 +868,7 @@ def test_where_little_is_left_to_gain_no_question_comes_whose_answer_is_known(ti
         person = Person(interview, about(0.03))
         screen = person.until("end", 40)
         assert screen["stage"] == "end"
-        assert screen["end"]["status"] in ("Settled", "Enough is known", "Little left to gain")
+        assert screen["end"]["status"] in ("Settled", "Enough is known", "Nearly settled")
         assert person.stages.count("question") < 35  # 41 with those questions
 
 

@@ -108,7 +108,9 @@ class Careless(io.StringIO):
         """Answer what stands last; at the end, end the input."""
         since = self._shown()
         self.text += since
-        later = re.search(r"(\d+): (Keep them all|Keep both|Keep it|Go on as before)", since)
+        later = re.search(
+            r"(\d+): (Keep them all|Keep both|Keep it|Go on as before|Go on until it)", since
+        )
         if later:
             return f"{later[1]}\n"
         return "" if "Enter: what was learned" in since else "a\n"
@@ -171,8 +173,8 @@ def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: P
     loss = (
         r"settled\. It comes within ([\d.]+) in 100 of your ideal plan\. .*"
         rf"How sure: {sure}, your plan falls at most \1 in 100 short of your ideal plan, .* "
-        r"How close: Your plan could still be worse than your ideal plan, by at most as much as it "
-        rf"would matter to you if \1 in 100 days were at “level 1” instead of “level 5”{again}\. "
+        r"How close: Your plan could still be worse than your ideal plan, by at most as much as "
+        rf"if \1 in 100 days were at “level 1” instead of “level 5”{again}\. "
         r".*We stop asking below 1 in 100\."
     )
     bound = re.search(loss, " ".join(said.split()))
@@ -360,7 +362,7 @@ def test_what_a_choice_can_lose_is_the_same_of_counts_and_of_shares(tmp_path: Pa
         said.append((course.subject.stakes(result), concluded.next))
     assert said[0] == said[1]
     lost = re.search(
-        r": as much as it would matter to you if ([\d.]+) in 100 outcomes were at “died” instead "
+        r": as much as if ([\d.]+) in 100 outcomes were at “died” instead "
         r"of “well”",
         str(said[0][0]),
     )
@@ -445,7 +447,8 @@ def test_why_a_question_is_asked_and_how_many_come_after_it(tmp_path: Path) -> N
         while "Enter: what was learned" not in text:
             numbers.append(int(re.search(r"Question (\d+)", text)[1]))  # type: ignore[index]
             why = teach.say("w")
-            while not re.search("We don't yet know|So far|makes sure|If all your answers", " ".join(why.split())):
+            told = "We don't yet know|So far|makes sure|If all your answers"
+            while not re.search(told, " ".join(why.split())):
                 assert "Still being worked out" in why
                 why = teach.say("w")
             again = re.search(r"Question (\d+)", why)

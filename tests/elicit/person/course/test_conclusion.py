@@ -27,9 +27,9 @@ def test_two_digits() -> None:
 def test_in_the_problems_unit() -> None:
     labels = ("died", "ill", "well")
     assert in_unit(0.01, "days", labels) == (
-        "as much as it would matter to you if 1 in 100 days were at “died” instead of “well”"
+        "as much as if 1 in 100 days were at “died” instead of “well”"
     )
     own = "{n} patients died instead of recovering"
     assert in_unit(0.038, "patients", labels, own) == (
-        "as much as it would matter to you if 3.8 in 100 patients died instead of recovering"
+        "as much as if 3.8 in 100 patients died instead of recovering"
     )

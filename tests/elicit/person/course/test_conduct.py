@@ -128,13 +128,13 @@ def test_checks_are_passed_or_look_like_chance(
     many = "half of all interviews or more"
     if "half" not in cases:
         many = cases.replace("cases", "interviews")[8:]
-    well = f"Somebody who chose by tossing a coin would do as well in {many}. So these checks "
+    well = f"Somebody who guessed A or B each time would do as well in {many}. "
     if {"32", "28", "30"} & {*cases.split()}:
-        well += "show that your answers were probably not given at random."
+        well += "So your answers were probably not given at random."
     elif {"16", "8"} & {*cases.split()}:
-        well += "speak for your answers. More of them would be more convincing."
+        well += "That speaks for your answers."
     else:
-        well += "do not show yet whether you meant your answers."
+        well += "That does not show yet whether you meant your answers."
     assert one.by_chance == f"{order}expected. {well}"
     repeats = replace(one, repeated=checks)  # then the screen has counted them already
     assert repeats.by_chance == well
