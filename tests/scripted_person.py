@@ -110,11 +110,13 @@ def truthful(question: str, values: Mapping[str, float]) -> str:
 
 
 def answer_all(teach: Teach, values: Mapping[str, float], most: int = 1000) -> Sequence[str]:
-    """Answer truthfully, so many questions at most, the practice one included; the keys. The prompt
-    after them is open."""
+    """Answer truthfully, so many questions at most, the practice one included, and decline offers
+    to stop; the keys of the answers. The prompt after them is open."""
     keys = []
     text = teach.since or teach.prompted()
     while len(keys) < most and "Enter: what was learned" not in text:
-        keys.append(truthful(text, values))
-        text = teach.say(keys[-1])
+        key = truthful(text, values)
+        text = teach.say(key)
+        if not key.isdecimal():
+            keys.append(key)
     return keys

@@ -171,14 +171,14 @@ def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: P
     }[comparator]
     again = r" \(with 95% probability\)" if comparator == "posterior" else ""
     loss = (
-        r"settled\. It comes within ([\d.]+) in 100 of your ideal plan\. .*"
+        r"Your plan comes within ([\d.]+) in 100 of your ideal plan\. .*"
         rf"How sure: {sure}, your plan falls at most \1 in 100 short of your ideal plan, .* "
         r"How close: Your plan could still be worse than your ideal plan, by at most as much as "
         rf"if \1 in 100 days were at “level 1” instead of “level 5”{again}\. "
         r".*We stop asking below 1 in 100\."
     )
     bound = re.search(loss, " ".join(said.split()))
-    assert bound
+    assert bound, " ".join(said.split())
     assert float(bound[1]) <= (1 if comparator == "polytope-1-wrong" else 0.99)  # of 100, rounded
     known = PolytopeComparator(5, wrong=int(comparator == "polytope-1-wrong"))
     policy = InteractivePolicyIteration(mdp, known, bags=Bags(10), known=log).result().policy
