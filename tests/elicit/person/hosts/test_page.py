@@ -1556,3 +1556,42 @@ def test_on_a_phone_the_first_two_screens_of_a_result_say_all_that_matters(
         at(page, "Result")
         assert not page.locator(".fold").count()
         assert name(page, "Answers as CSV").is_visible()
+
+
+@pytest.mark.parametrize("of", [10, 50])
+def test_on_a_phone_all_answers_to_ten_circles_are_in_the_window(windows: Windows, of: int) -> None:
+    """Whatever came before."""
+    labels = ("died", "needs daily care", "limited", "no complaints")
+    first = (0, of, 0, 0), (of // 5, 0, 0, of - of // 5)
+    later = (3, 2, 4, 1), (1, 3, 3, 3)
+    words = replace(WORDS, duration="Each patient stays in the condition shown for five years.")
+    with served(windows.log, bags(first, later), labels, words) as server:
+        page = practised(windows, server, NARROW)
+        click(page, "a")
+        at(page, "Question 2")
+        assert page.locator(".card").first.locator(".row").count() == 4
+        answers = page.locator("[data-choice]").all()
+        assert len(answers) == 4
+        boxes = [one.bounding_box() for one in answers]
+        assert max(box["y"] + box["height"] for box in boxes) <= NARROW["height"]
+
+
+def test_an_offer_leads_back_to_itself_and_an_early_end_has_no_bar(windows: Windows) -> None:
+    with served(windows.log, least=7) as server:
+        page = practised(windows, server, NARROW)
+        for _ in range(3):
+            answer(page, "cannot tell")
+        stage(page, "offer")
+        assert {
+            button.evaluate("one => getComputedStyle(one).textAlign")
+            for button in page.locator(".body button").all()
+        } == {"left"}
+        name(page, "Your answers").click()
+        at(page, "Your answers")
+        when = page.locator("time").first.inner_text()
+        assert re.fullmatch(r"\w+ \d+, \d{4}, ([01]\d|2[0-3]):[0-5]\d \S+", when)
+        name(page, "Back").click()
+        stage(page, "offer")
+        name(page, "Finish now and show the result").click()
+        stage(page, "end")
+        assert not page.locator(".meter").is_visible()
