@@ -30,7 +30,6 @@ _WIDE_BUT_HEARD = (
     "be a mistake."
 )
 _WIDE_FOR_FEW = "{named} still {has} a wide range. More answers about {it} would narrow it."
-_ALSO_MISTAKES = "The range is wider, because any one answer may be a mistake."
 _NARROWING = (
     "About {questions} more questions about levels would narrow every range to {width:.0f} or less."
 )
@@ -146,14 +145,14 @@ def _on_wide(
     because = _WIDE_BUT_HEARD if sure or wrong_of(comparator) > 0 else _WIDE_FOR_FEW
     said = because.format(named=listed(each), **words)
     if all(given_in(row, as_given) for row in wide):  # then that range stands beside each
-        said = _ALSO_MISTAKES
+        said = ""
     if not sure or not any(
         row.high - row.low > WIDE for row in rows
     ):  # how many questions it takes was measured for a posterior
-        return [said]
+        return [said] if said else []
     least, most = questions_to_narrow([row.high - row.low for row in rows])
     questions = f"{least} to {most}" if least < most else f"{most}"
-    return [f"{said} {_NARROWING.format(questions=questions, width=WIDE)}"]
+    return [f"{said} {_NARROWING.format(questions=questions, width=WIDE)}".strip()]
 
 
 def overlap(rows: Sequence[ScaleRow]) -> bool:

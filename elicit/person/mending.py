@@ -22,13 +22,10 @@ from elicit.tutors.answer_log import REPEATS, Entry
 
 _AGAIN = "Check question: the same as question {n}, with {how}. Choose as you see it now."
 _SWAPPED = {True: "the sides swapped", False: "the same sides"}
-_ONLY_CHECKS = " Only repeated questions are left, as checks: this one and {n} more."
+_ONLY_CHECKS = " Only repeated questions are left, as checks."
 _ORDER = "Check question: this one is about the order of the levels."
 # not called a check: the result does not count it as one
-IMPLIED = (
-    "If all your answers so far are right, they already answer this one. We ask it because any one "
-    "of them may be a mistake."
-)
+IMPLIED = "This question tests whether your answers so far fit together."
 """The reason for a question whose answer follows from others."""
 _CHECK_TAKEN_BACK = (
     "This is the same check again, because you took back your answer to it. It repeats question "
@@ -94,7 +91,7 @@ class Mending:
             return _CHECK_TAKEN_BACK.format(n=n)
         swapped = shown_of(self._subject, query).swapped != first.swapped
         said = _AGAIN.format(n=n, how=_SWAPPED[swapped])
-        return f"{said}{_ONLY_CHECKS.format(n=only_checks - 1)}" if only_checks > 1 else said
+        return f"{said}{_ONLY_CHECKS}" if only_checks > 1 else said
 
     def _purpose_of(self, query: Query) -> str:
         """Return sentences on the purpose of a question about a level, if nothing else is open."""

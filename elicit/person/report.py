@@ -51,7 +51,7 @@ th, td { box-sizing: border-box; text-align: left; vertical-align: top; font-wei
   border-top: 1px solid var(--line); }
 thead th, thead td { font-size: .85rem; color: var(--soft); border-top: 0; vertical-align: bottom; }
 .number { text-align: right; } .guess { width: 17%; } .range { width: 15%; } .drawn { width: 43%; padding: 0 1.2rem; }
-svg .given { fill: var(--edge); } .scale:has(td.given) .drawn { width: 34%; } th.given { width: 17%; }
+.scale:has(td.given) .drawn { width: 34%; } th.given { width: 17%; }
 .scale tbody * { vertical-align: middle; } .nr { width: 3.2rem; overflow-wrap: normal; } .when { width: 9.6rem; } .remarks { width: 20%; }
 .marked td { font-weight: 600; background: var(--tint); }
 .chosen { font-size: .85em; border: 1px solid var(--link); color: var(--link); border-radius: 6px; padding: 0 .4em; white-space: nowrap; }
@@ -74,6 +74,9 @@ summary { cursor: pointer; color: var(--link); padding: .3rem 0; } details > tab
   .scale tr { display: grid; grid-template-columns: minmax(0, 1fr) 7rem 5.5rem; border-top: 1px solid var(--line); }
   .scale thead tr { border-top: 0; } .scale th, .scale td { border-top: 0; width: auto; }
   .scale .drawn { grid-row: 2; grid-column: 1 / -1; padding: 0 .8rem; } .scale tbody .drawn { margin-top: -.5rem; }
+  .scale:has(td.given) .drawn { width: auto; } .scale:has(td.given) tr { grid-template-columns: minmax(0, 1fr) minmax(0, 1fr); } .scale:has(td.given) th:not(:first-child, .guess) { display: none; }
+  .scale td.given, .scale:has(td.given) td.range { grid-row: 3; text-align: left; } .scale td.given:empty { visibility: hidden; }
+  .scale td.given::before, .scale:has(td.given) td.range::before { content: attr(data-head); display: block; font-size: .85em; color: var(--soft); }
   .answers thead, .many thead { display: none; } .many, .many tbody { display: block; }
   .many tr { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 0 1.2rem; padding: .4rem 0; border-top: 1px solid var(--line); }
   .many td { border-top: 0; padding: .1rem 0; display: flex; justify-content: space-between; gap: .6rem; }
@@ -111,6 +114,9 @@ _NUMBER = re.compile(r"-|not known yet|-?\d[\d.,]*( to \d+)?( \((at least|or) [^
 
 IF_NO_MISTAKE = "If no answer is a mistake"
 """The head of the column of ranges that take every answer as given."""
+_WITH_MISTAKES = "Allowing for mistakes"
+FIXED = "fixed"
+"""The range of a level whose value is 0 or 100 by definition."""
 
 NEARLY = "Nearly settled"
 """The status of a result by which little can be lost, although questions are left."""
@@ -356,11 +362,13 @@ def counted(counts: Mapping[str, int]) -> str:
 def about_scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> str:
     """Return sentences on what the values of the levels mean; ``rows`` are best first."""
     best, worst = rows[0]["label"], rows[-1]["label"]
-    thick = "Thick bar: the range if no answer is a mistake. " if _has_given(rows) else ""
+    bars = "Bar: range"
+    if _has_given(rows):
+        bars = "Thick bar: range if no answer is a mistake. Dashed bar: range allowing for mistakes"
     return (
         f"From 0 (“{worst}”) to 100 (“{best}”). A level at 60 is as good to you as 60 of 100 at "
-        f"“{best}” and 40 at “{worst}”. Dot: best guess. {thick}{'Thin bar' if thick else 'Bar'}: "
-        f"range ({certainty})."
+        f"“{best}” and 40 at “{worst}”. Dot: best guess. {bars} "
+        f"({certainty})."
     )
 
 
@@ -376,26 +384,29 @@ def _scale(
     marks = "".join(f'<text x="{x}%" y="14" text-anchor="middle">{x}</text>' for x in (0, 50, 100))
     axis = f'<svg height="18" font-size="13" fill="#4a5864" aria-hidden="true">{marks}</svg>'
     yield f'<thead><tr><th scope="col">Level</th><td class="drawn">{axis}</td>'
-    heads = {"guess": "Best guess", "given": IF_NO_MISTAKE, "range": "Range"}
+    heads = {"guess": "Best guess", "given": IF_NO_MISTAKE, "range": _WITH_MISTAKES}
     if not (has_given := _has_given(rows)):
-        del heads["given"]
+        heads = {"guess": "Best guess", "range": "Range"}
     for kind, words in heads.items():
         yield f'<th scope="col" class="number {kind}">{words}</th>'
     yield "</tr></thead>\n<tbody>"
     for i, row in enumerate(rows):
         low, high = row["low"], row["high"]
-        between = "fixed" if low == high else _between_ends(low, high)
+        between = FIXED if low == high else _between_ends(low, high)
         known = row.get("known", True)
-        colour = colour_of(1.0 - i / max(1, len(rows) - 1)) if known else None
+        shade = colour_of(1.0 - i / max(1, len(rows) - 1))
+        colour = shade if known else None
         rough = row.get("rough", False)
         given = row.get("given")
-        picture = interval_picture(low, row["value"], high, colour, rough, given)
+        picture = interval_picture(low, row["value"], high, colour, rough, given, shade)
         guess = guess_in_words(row["value"], known, rough)
         cells = {"guess": guess, "given": _between_ends(*given) if given else "", "range": between}
         if not has_given:
             del cells["given"]
         yield f'<tr><th scope="row">{escaped(row["label"])}</th><td class="drawn">{picture}</td>'
-        yield from (f'<td class="number {kind}">{words}</td>' for kind, words in cells.items())
+        for kind, words in cells.items():
+            head = "" if words == FIXED else heads[kind]
+            yield f'<td class="number {kind}" data-head="{head}">{words}</td>'
         yield "</tr>"
     yield "</tbody>\n</table>"
     if notes:
@@ -413,13 +424,14 @@ def interval_picture(
     colour: str | None,
     rough: bool = False,
     given: Sequence[float] | None = None,
+    shade: str = "",
 ) -> str:
     """Return a picture of a level's interval on the scale from 0 to 100, as HTML.
 
     A filled bar has a dot at the best guess. If ``colour``, as from ``colour_of``, is None the bar
     is hollow, without a dot, or with a hollow one if ``rough``. It is in the middle of the picture,
     however high the style makes that. ``given``, the low and the high end of a narrower range, is a
-    thick bar; the other one is then thin.
+    thick bar filled with ``shade``; the other one is then thin.
     """
     grid = "".join(
         f'<line x1="{x}%" x2="{x}%" y1="0" y2="100%" stroke="#e4e9ee"/>'
@@ -433,8 +445,8 @@ def interval_picture(
     )
     if colour is None:
         dot = (
-            f'<circle class="rough" cx="{value:.2f}%" cy="50%" r="4" fill="none" stroke="#33414d" '
-            'stroke-width="2"/>'
+            f'<circle class="rough" cx="{value:.2f}%" cy="50%" r="4" '
+            f'fill="{"none" if given is None else "#fff"}" stroke="#33414d" stroke-width="2"/>'
         )
     if low == high:
         dot = f'<circle cx="{value:.2f}%" cy="50%" r="6" {fill} stroke="#33414d"/>'
@@ -446,7 +458,7 @@ def interval_picture(
     if given is not None:
         start, end = given
         bars += (
-            f'<rect class="given" x="{start}%" width="{end - start}%" y="50%" '
+            f'<rect class="level" style="{shade}" x="{start}%" width="{end - start}%" y="50%" '
             f'transform="translate(0 -8)" height="16" rx="3" stroke="#33414d"/>'
         )
     return (

@@ -33,7 +33,7 @@ from qlearn.cli.conclusions.choice import (
     offered_table,
 )
 from qlearn.cli.conclusions.decided_plan import DecidedPlans
-from qlearn.cli.conclusions.icu import ICU_LEGEND, icu_dose, icu_states
+from qlearn.cli.conclusions.icu import ICU_CAVEAT, ICU_LEGEND, icu_dose, icu_states
 from qlearn.cli.conclusions.in_words import InWords
 from qlearn.cli.conclusions.plan import (
     policy_conclusion,
@@ -133,7 +133,8 @@ def taught_by(
     names = icu_dose if problem == "icu-sepsis" else mdp.action_name
     said = ("patient states", "treatment") if problem == "icu-sepsis" else ("states", "plan")
     state_words = icu_states(mdp) if problem == "icu-sepsis" else str
-    told = InWords(mdp.labels, words, tolerance, *said, legend, state_words)
+    caveat = ICU_CAVEAT if problem == "icu-sepsis" else ""
+    told = InWords(mdp.labels, words, tolerance, *said, legend, state_words, caveat=caveat)
     plans = DecidedPlans(mdp, tolerance)
     subject = Subject(
         mdp.labels,
@@ -281,10 +282,6 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
         "middle conditions are quarters of the 713 groups of similar patients in the data, by "
         "their mean SOFA score, and not clinical categories."
     )
-    legend = (
-        "Not advice for treatment: the plan comes from a statistical model of recorded "
-        f"treatments. In many states it is not what a doctor would do. {ICU_LEGEND}"
-    )
     words = Words(
         "patients",
         "fare",
@@ -306,7 +303,7 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
         loss="{n} patients died instead of recovering",
         ends=("die", "", "", "", "", "recover"),
     )
-    return entry.factory(), words, legend
+    return entry.factory(), words, ICU_LEGEND
 
 
 def _choice(

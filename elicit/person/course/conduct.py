@@ -235,6 +235,8 @@ class Conduct:
             answered = (
                 "was answered as expected" if n == 1 else f"{alike} were answered as expected"
             )
+            if alike == n == 2:
+                answered = "both were answered as expected"
             if n == 1 and not alike:
                 answered = "was answered against it"
             said.append(f"{asked} the order of the levels, and {answered}.")

@@ -43,7 +43,9 @@ from qlearn.cli.conclusions.in_words import (
 _MOST_UNFOLDED = 12  # alternatives up to which their table stands open on the screen
 _ROUNDED = 0.5  # of 100: less than that does not show in the ranges as they are shown
 _FEW_NAMED = 3  # alternatives that are named in a sentence
-_NARROW = 0.5  # width of a range, a share of the whole, up to which a best guess is said
+_NARROW = (
+    0.5  # width of a range, a share of the whole, beyond which a best guess is "about" so much
+)
 _MOST_LEVELS = 6  # levels up to which a sentence says how two alternatives differ
 _EVERY = "for all values that fit your answers"
 _BEST = "best"
@@ -65,7 +67,7 @@ class _Ahead(NamedTuple):
 class _Worth(NamedTuple):
     """The value of each alternative (n,), from 0 to 1: the best guess, and its range.
 
-    ``narrow`` says where the range is narrow enough for the best guess to be said. ``order`` has
+    ``narrow`` says where the range is narrow enough for the best guess to be exact. ``order`` has
     the alternatives, best first.
     """
 
@@ -83,7 +85,7 @@ def choice_conclusion(
 
     ``shares`` (n, k) has a row for each alternative.
     """
-    loss = _told_loss(told, result.loss_bound)
+    loss = told.stated(result.loss_bound)
     most, sure, best = per_hundred(loss), sure_of(result), printable(result.name)
     settled = choice_holds(told, result)
     if settled:
@@ -114,12 +116,14 @@ def choice_conclusion(
     return Conclusion(
         headline=headline,
         reason=_reason(told, names, shares, result, ahead),
-        size=size_and_end(told, loss, _better(told), result.confidence),
+        size=size_of(told, loss, "that is", None)
+        if settled
+        else size_and_end(told, loss, _better(told), result.confidence),
         sure=sure,
         next=after,
         more=more,
         before=unasked,
-        changes=_worth(told, names, shares, result, ahead, worth, mark),
+        changes=_worth(told, names, shares, result, ahead, worth, mark, settled),
         result=_to_keep(names, result, ahead, worth),
         settled=settled,
         early=f"By your answers so far “{best}” is {_best_word(result)}. They are not checked yet.",
@@ -293,7 +297,7 @@ def _reason(
     second = others[0]
     name, other = (f"“{printable(names[i])}”" for i in (best, second))
     more, sure = _more(_behind(points, best)[second]), _how_sure_of(ahead, second)
-    worth = f"{name} is worth {more} than the second, {other} (best guess{sure})."
+    worth = f"{name} is {more} of the second, {other} (best guess{sure})."
     differ = _differ(told, 100.0 * apart[second])
     if not differ:
         return worth
@@ -327,7 +331,7 @@ def _behind(points: Floats, best: int) -> list[int]:
 
 def _more(guess: int) -> str:
     """Return in words how much more the choice is worth than an alternative, by the best guess."""
-    return f"{guess or 'less than 1'} of 100 more"
+    return f"{guess or 'less than 1'} of 100 ahead"
 
 
 def _how_sure_of(ahead: _Ahead, i: int) -> str:
@@ -357,19 +361,14 @@ def _although_wide(told: InWords, shares: Floats, result: Choice) -> str:
     if not wide:
         return ""
     name, few = f"“{printable(result.name)}”", len(wide) <= _FEW_NAMED
-    named = listed(
-        [
-            f"“{printable(told.labels[i])}” ({100 * low[i]:.0f} to {100 * high[i]:.0f})"
-            for i in wide[::-1]
-        ]
-    )
+    named = listed([f"“{printable(told.labels[i])}”" for i in wide[::-1]])
     are = f"{named} {'is' if len(wide) == 1 else 'are'}" if few else f"{len(wide)} levels are"
     it = "it is" if len(wide) == 1 else "they are"
-    most, loss = most_short(shares, result.best, low, high), _told_loss(told, result.loss_bound)
+    most, loss = most_short(shares, result.best, low, high), told.stated(result.loss_bound)
     if most <= max(loss, NO_LOSS):
         return (
             f"{are} known only roughly. Even so, whatever {it} worth within "
-            f"{'this range' if len(wide) == 1 else 'these ranges'}, {name} is best"
+            f"{'the range' if len(wide) == 1 else 'the ranges'} below, {name} is best"
             f"{', or nearly so' if most >= NO_LOSS else ''}."
         )
     clearly = "" if loss < NO_LOSS else "clearly "
@@ -411,11 +410,6 @@ def most_short(shares: Floats, best: int, low: Floats, high: Floats) -> float:
     return max(0.0, float(most[:, -1].max()))
 
 
-def _told_loss(told: InWords, loss: float) -> float:
-    """Return a loss as it is said: no finer than the tolerance, so that one number is enough."""
-    return loss if loss < NO_LOSS else max(loss, told.tolerance)
-
-
 def _better(told: InWords) -> str:
     """Return the start of a clause on how much better another alternative can be."""
     return f"if another {told.alternative} is better, it is better by"
@@ -448,6 +442,7 @@ def _worth(
     ahead: _Ahead,
     worth: _Worth,
     mark: str,
+    settled: bool,
 ) -> ResultTable:
     """Return a table of what each alternative consists of, and its value as far as it is known.
 
@@ -462,13 +457,12 @@ def _worth(
         (
             printable(names[i]),
             *outcomes[i],
-            f"{100 * points[i]:.0f}" if narrow[i] else "not known yet",
+            f"{100 * points[i]:.0f}" if narrow[i] else f"about {100 * points[i]:.0f}",
             f"{100 * low[i]:.0f} to {100 * high[i]:.0f}",
             f"{behind[i]}",
         )
         for i in order
     )
-    unknown = "" if all(narrow) else " The worth is not known yet where the range is wider than 50."
     above = np.delete(high, best) - low[best]
     apart = float(above.max(initial=0.0))
     # shown where the ranges alone would allow a greater loss than the bound
@@ -485,8 +479,8 @@ def _worth(
         rows,
         f"{_EACH_ROW.format(unit=printable(told.words.unit))} Worth is 0 if all were "
         f"“{printable(labels[0])}”, and 100 if all were “{printable(labels[-1])}”: the best guess, "
-        f"and its range.{unknown} “Behind” is how much less than “{printable(result.name)}”, by "
-        f"the best guess.{_none_ahead(names, ahead, best)}{overlap}",
+        f"and its range. “Behind” is how much less than “{printable(result.name)}”, by "
+        f"the best guess.{_none_ahead(names, ahead, best, settled)}{overlap}",
         told.alternative,
         unfolded=len(names) <= _MOST_UNFOLDED,
         several=many,
@@ -495,10 +489,11 @@ def _worth(
     )
 
 
-def _none_ahead(names: Sequence[str], ahead: _Ahead, best: int) -> str:
+def _none_ahead(names: Sequence[str], ahead: _Ahead, best: int, settled: bool) -> str:
     """Return a sentence on the alternatives that may be better than the choice, or "".
 
-    It holds for all of them together.
+    It holds for all of them together. If the choice is ``settled``, it was said how much better
+    another one may be.
     """
     if math.isnan(ahead.confidence) or len(names) == 1:
         return ""
@@ -506,6 +501,8 @@ def _none_ahead(names: Sequence[str], ahead: _Ahead, best: int) -> str:
     if not may:
         sure = with_probability(ahead.confidence) or _EVERY
         return f" {capital(sure)} none of the others is better."
+    if settled:
+        return ""
     by = math.ceil(100.0 * float(-ahead.least[may].min()) - _SAME)
     few = len(may) <= _FEW_NAMED
     who = listed([f"“{printable(names[i])}”" for i in may]) if few else f"{len(may)} of the others"

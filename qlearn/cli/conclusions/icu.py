@@ -27,6 +27,12 @@ ICU_LEGEND = (
 )
 """What the words of states and actions mean."""
 
+ICU_CAVEAT = (
+    "Not advice for treatment: the plan comes from a statistical model of recorded treatments. In "
+    "many states it is not what a doctor would do."
+)
+"""What a plan must not be taken for."""
+
 
 def icu_states(mdp: OrdinalMDP) -> Callable[[str], str]:
     """Return a function that puts a state of ICU-Sepsis in words, from its name.

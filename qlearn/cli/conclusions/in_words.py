@@ -20,6 +20,7 @@ from elicit.person.showing import Words
 from qlearn.learners.learner import Result
 
 _LITTLE = 4.0  # tolerances that count as little (see InWords.little)
+_STATED = 0.01  # finer numbers make nobody surer
 _OF_BEFORE = 2 / 3  # a loss is not little if it is a larger share of that before the first answer
 
 
@@ -41,6 +42,8 @@ class InWords:
         A function that returns a state in words, from its name.
     alternative
         What the problem calls an alternative, in the singular, such as "treatment".
+    caveat
+        A sentence on what a plan must not be taken for, or "".
     """
 
     labels: tuple[str, ...]
@@ -51,6 +54,7 @@ class InWords:
     legend: str = ""
     state_words: Callable[[str], str] = str
     alternative: str = "alternative"
+    caveat: str = ""
 
     @property
     def little(self) -> float:
@@ -60,6 +64,10 @@ class InWords:
         than the best are named beside it.
         """
         return _LITTLE * self.tolerance
+
+    def stated(self, loss: float) -> float:
+        """Return a bound on a loss as it is stated: no finer than 1 in 100, or the tolerance."""
+        return loss if loss < NO_LOSS else max(loss, min(_STATED, self.tolerance))
 
     def loss(self, share: float) -> str:
         """Return a loss in the problem's own unit, as a text that follows "it loses at most"."""

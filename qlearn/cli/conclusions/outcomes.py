@@ -44,17 +44,63 @@ def end_shares(mdp: OrdinalMDP, policy: Actions) -> Floats | None:
     >>> end_shares(chain, [0, 0, 0]).tolist()
     [0.25, 0.0, 0.75]
     """
+    ends = _ends(mdp, policy, mdp.initial > 0)
+    if ends is None:
+        return None
+    shares = np.clip(product(mdp.initial, ends), 0.0, 1.0)
+    return shares if abs(float(shares.sum()) - 1.0) <= _ROUNDING else None
+
+
+def _ends(mdp: OrdinalMDP, policy: Actions, first: Flags) -> Floats | None:
+    """Return the shares (S, k) of runs from each state that end at each level.
+
+    They are right for the states that can be reached from the ``first`` ones. The result is None if
+    some run from there may never end, or they are too many.
+    """
     n, m = mdp.levels.shape
     chain = mdp.transitions[np.arange(n) * m + np.asarray(policy)]
-    live = _reached(chain, mdp.initial > 0) & ~mdp.terminal
+    live = _reached(chain, first) & ~mdp.terminal
     if live.sum() > _MOST or not _reached(chain.T.tocsr(), mdp.terminal)[live].all():
         return None
     ends = np.where(mdp.terminal[:, None], np.eye(mdp.k)[mdp.final_level], 0.0)
     if live.any():
         chain = chain[live]
         ends[live] = discounted_totals(chain[:, live], chain @ ends, 1.0)
-    shares = np.clip(product(mdp.initial, ends), 0.0, 1.0)
-    return shares if abs(float(shares.sum()) - 1.0) <= _ROUNDING else None
+    return ends
+
+
+def effects_of(told: InWords, mdp: OrdinalMDP, found: DecidedPlan) -> dict[int, str]:
+    """Return a text for each state that differs: how many runs from there end at the best outcome.
+
+    It compares the learned action with that of equal steps, each followed by the plan. The result
+    is empty unless the problem's words name that outcome, and every run ends.
+    """
+    words, states = told.words.ends, found.states
+    if len(words) != mdp.k or not words[-1] or not len(states):
+        return {}
+    m = mdp.levels.shape[1]
+    rows = [mdp.transitions[states * m + actions[states]] for actions in _both(found)]
+    first = np.zeros(len(mdp.terminal), np.bool_)
+    for chances in rows:
+        first[chances.indices] = True
+    ends = _ends(mdp, found.policy, first)
+    if ends is None:
+        return {}
+    learned, equal = (chances @ ends[:, -1] for chances in rows)
+    word = printable(words[-1])
+    return {
+        state: f"{1000 * ours:.0f} of 1,000 {word}, with equal steps {1000 * theirs:.0f}"
+        for state, ours, theirs in zip(
+            states.tolist(), learned.tolist(), equal.tolist(), strict=True
+        )
+    }
+
+
+def _both(found: DecidedPlan) -> tuple[Actions, Actions]:
+    """Return the learned action in every state, and that of equal steps, as arrays (S,)."""
+    learned = found.equal.copy()
+    learned[found.states] = found.learned
+    return learned, found.equal
 
 
 def _reached(links: sparse.csr_array, first: Flags) -> Flags:

@@ -33,12 +33,14 @@ from qlearn.cli.conclusions.in_words import (
     sure_of,
     until,
 )
-from qlearn.cli.conclusions.outcomes import outcomes_of
+from qlearn.cli.conclusions.outcomes import effects_of, outcomes_of
 from qlearn.learners.learner import Result
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 _SHORT = "your plan could still be worse than your ideal plan, by"
 _REST = "what follows in the rest of the plan"
+_IN_MODEL = "In the model"
+_TOO_LITTLE = ": it makes too little difference to go on asking"
 _STEPS = "equal steps between the levels (each better than the one below it by the same amount)"
 
 
@@ -58,6 +60,8 @@ def policy_conclusion(
     found = plans.of(result)
     bound = found.guarantee.loss_bound
     settled = bound <= told.tolerance
+    if settled:
+        bound = told.stated(bound)
     most, more = per_hundred(bound), ""
     same = len(result.answers) > 0 and not found.holds.any()
     if np.isnan(bound):
@@ -66,7 +70,7 @@ def policy_conclusion(
     elif settled:
         headline = f"Your plan is settled. {_within(bound)}"
         if found.leaning:
-            headline = f"{_decided(told, plans.mdp, found)} {_within(bound, 'your plan')}"
+            headline = f"{_decided(told, plans.mdp, found)} {_within(bound, 'the plan')}"
         elif same:
             headline = f"Your answers do not change the {told.plan}. The plan is settled. "
             headline += _within(bound)
@@ -97,7 +101,7 @@ def policy_conclusion(
     )
     mdp, undecided = plans.mdp, len(found.leaning)
     open_still = ""
-    if undecided and found.holds.any():  # otherwise the reason says it
+    if undecided and found.holds.any() and not settled:  # otherwise the reason says it
         live = int(np.count_nonzero(~mdp.terminal))
         open_still = (
             f" Your answers do not decide {undecided} of {live} {told.states}: there the plan "
@@ -107,9 +111,11 @@ def policy_conclusion(
     effect, outcomes = outcomes_of(told, mdp, found)
     return Conclusion(
         headline=headline,
-        reason=_reason(told, mdp, found, why),
-        effect=effect,
-        size=size_and_end(told, bound, _SHORT, result.confidence),
+        reason=_reason(told, mdp, found, why, settled),
+        effect=f"{effect} {told.caveat}".strip(),
+        size=size_of(told, bound, "that is", None)
+        if settled
+        else size_and_end(told, bound, _SHORT, result.confidence),
         sure=f"{_close(result, bound)}{open_still}",
         next=after,
         more=more,
@@ -135,15 +141,10 @@ def _within(loss: float, plan: str = "it", starts: bool = True) -> str:
 def _decided(told: InWords, mdp: OrdinalMDP, found: DecidedPlan) -> str:
     """Return sentences on what the answers decide, if they leave some states open."""
     live, n, rest = int(np.count_nonzero(~mdp.terminal)), int(found.holds.sum()), len(found.leaning)
-    kept = live - n - rest
-    said = f"change the {told.plan} in {n} of {live} {told.states}, and keep it in {kept}"
+    said = f"change the {told.plan} in {n} of {live} {told.states}"
     if not n:
-        said = f"keep the {told.plan} in {kept} of {live} {told.states}"
-    other = "one" if rest == 1 else f"{rest}"
-    return (
-        f"Your answers {said}. In the other {other} they do not decide, but it makes too little "
-        "difference to go on asking."
-    )
+        said = f"keep the {told.plan} in {live - rest} of {live} {told.states}"
+    return f"Compared with equal steps between the levels, your answers {said}."
 
 
 def _close(result: Result, bound: float) -> str:
@@ -158,7 +159,9 @@ def _close(result: Result, bound: float) -> str:
     )
 
 
-def _reason(told: InWords, mdp: OrdinalMDP, found: DecidedPlan, why: Mapping[int, str]) -> str:
+def _reason(
+    told: InWords, mdp: OrdinalMDP, found: DecidedPlan, why: Mapping[int, str], settled: bool
+) -> str:
     """Return sentences on what the answers change in the plan, and mostly why."""
     n, live = int(found.holds.sum()), int(np.count_nonzero(~mdp.terminal))
     if not n:
@@ -173,7 +176,14 @@ def _reason(told: InWords, mdp: OrdinalMDP, found: DecidedPlan, why: Mapping[int
     [(most, times)] = given.most_common(1)
     mostly = "" if times == n else "mostly "
     reason = f", {mostly}because it {most}" if 2 * times > n and most != _REST else ""
-    return f"In {n} of {live} {told.states} your answers change the {told.plan}{reason}."
+    said = f"In {n} of {live} {told.states} your answers change the {told.plan}{reason}."
+    if not (rest := len(found.leaning)):
+        return said
+    kept, other = live - n - rest, "one" if rest == 1 else f"{rest}"
+    return (
+        f"{said} They keep what is best with {_STEPS} in {kept}. In the other {other} they do not "
+        f"decide, and the plan keeps it too{_TOO_LITTLE if settled else ''}."
+    )
 
 
 def _undecided(rest: int) -> str:
@@ -237,6 +247,7 @@ def _changes(
             some += f"{_undecided(rest)} too. Further answers might change that."
     if rest and n:
         some += f" In {rest} more, further answers might change it."
+    effects = effects_of(told, mdp, found)
     why_note = " “Why” names the level that matters most by the best guess." if why else ""
     certain, perhaps = (
         tuple(
@@ -245,6 +256,7 @@ def _changes(
                 action_words(int(found.equal[s])),
                 action_words(learned),
                 why[s],
+                *([effects[s]] if effects else []),
             )
             for s, learned, held in zip(
                 found.states.tolist(), found.learned.tolist(), found.holds.tolist(), strict=True
@@ -253,9 +265,10 @@ def _changes(
         )
         for wanted in (True, False)
     )
+    more = (_IN_MODEL,) if effects else ()
     not_decided = ResultTable(
         f"Not decided by your answers in {rest} of {live} {told.states}",
-        ("State", "In the plan (equal steps)", "Perhaps better", "Why"),
+        ("State", "In the plan (equal steps)", "Perhaps better", "Why", *more),
         perhaps,
         "Another action is better here by the best guess of your values, but not for all values "
         "that fit your answers. So the plan keeps the action that is best with equal steps. "
@@ -269,7 +282,7 @@ def _changes(
     )
     return ResultTable(
         title,
-        ("State", "With equal steps", "With your values", "Why"),
+        ("State", "With equal steps", "With your values", "Why", *more),
         certain,
         f"Compared with {_STEPS}.{some}{why_note if n else ''}\n{told.legend}".strip(),
         open=not_decided if rest else None,
@@ -362,7 +375,7 @@ def policy_stakes(told: InWords, result: Result) -> str | None:
         return f"So far {_within(result.loss_bound, 'your plan', False)}"
     most = up_to(result.loss_bound, result.confidence)
     return (
-        f"So far the best guess of your plan could fall short of your ideal plan by {most}: "
+        f"If the questions ended now, your plan could fall short of your ideal plan by {most}: "
         f"{told.loss(result.loss_bound)}. {until(told)}"
     )
 

@@ -143,7 +143,7 @@ def test_beside_a_wide_range_stands_that_of_the_answers_if_none_is_a_mistake(
     assert given_in(wide._replace(asked=False), given) is None
     rows = [ends[0], narrow, wide, ends[1]]
     [first, *_] = scale_notes(rows, PosteriorComparator(4), True, given)
-    assert first.startswith("The range is wider, because any one answer may be a") == shown
+    assert first.startswith("About 1 to 5 more questions about levels would narrow") == shown
     assert first.startswith("“ill” (0 to 84) still has a wide range") != shown
     assert "fair" not in first
 

@@ -8,7 +8,7 @@ from elicit import AnswerLog, Interview, Session, Subject
 from elicit.person.course.counts import Counts, number_of
 from tests.browser_cases import LABELS, QUESTIONS, Listed
 
-SURE = "If all your answers so far are right, they already answer this one."
+SURE = "This question tests whether your answers so far fit together."
 SAME = "This is the same question again, because you took back your answer to it"
 
 
@@ -180,12 +180,11 @@ def test_at_the_end_the_checks_left_are_counted() -> None:
     at_end = [(n, found) for (_, found, over), n in zip(ranges, left, strict=True) if over]
     assert len(at_end) > 2
     assert [found for n, found in at_end[2:]] == [[n, n] for n, _ in at_end[2:]]
-    # checks that come in a row say why, and how many there are
-    now = " Only repeated questions are left, as checks: this one and {} more."
+    # checks that come in a row say why; how many there are is said once, in the header
     said = [note for note in notes if "Only repeated" in note]
     assert said
-    for n, note in zip(range(len(said), 0, -1), said, strict=True):
-        assert note.endswith(now.format(n))
+    for note in said:
+        assert note.endswith(" Only repeated questions are left, as checks.")
     assert notes[-1 - len(said) : -1] == said
     repeats = [note.startswith("Check question: the same as question ") for note in notes]
     assert repeats[-1]

@@ -903,10 +903,11 @@ const RESULT = { words: "Working out your result ...", after: 50 };
 const PREPARING = "This takes a few seconds. The first start on a computer compiles, which takes up to two minutes.";
 const TRY = "Practice question: your answer is not saved.";
 const BARS = "These numbers are too large to draw circles, so the length of a bar shows how many.";
-const ROSE = " (more than it seemed before)";
+const ROSE = " (more than expected)";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
 const UNFORESEEN = "How far each choice of time gets cannot be foreseen here. You will see it as you go.";
 const MEANT = "If no answer is a mistake"; // head of a column
+const MISTAKES = "Allowing for mistakes"; // head of the column beside it
 const GIVEN = "It was given when the program was started.";
 const MENDS = "Taking back any one of them fixes it. The others stay.";
 const SURE = { yes: "Yes, take it back", no: "No, keep it" };
@@ -1043,7 +1044,7 @@ export function colourOf(level, levels) {
 // read it is folded.
 function worth(scale, certainty, notes, small) {
   const both = scale.some(({ given: taken, low, high }) => narrower(taken, low, high));
-  const head = ["Level", null, "Best guess", ...(both ? [MEANT] : []), "Range"].map((words) =>
+  const head = ["Level", null, "Best guess", ...(both ? [MEANT, MISTAKES] : ["Range"])].map((words) =>
     words
       ? part("th", words === MEANT ? "meant" : "", { scope: "col", role: "columnheader" }, [words])
       : part("td", "drawn", { role: "cell" }, [axis()]),
@@ -1068,7 +1069,7 @@ function worth(scale, certainty, notes, small) {
   const ends = `From 0 (“${worst}”) to 100 (“${best}”).`;
   const said = [
     `A level at 60 is as good to you as 60 of 100 at “${best}” and 40 at “${worst}”.`,
-    `Dot: best guess. ${both ? "Thick bar: range if no answer is a mistake. Thin bar" : "Bar"}: range (${certainty}).`,
+    `Dot: best guess. ${both ? "Thick bar: range if no answer is a mistake. Dashed bar: range allowing for mistakes" : "Bar: range"} (${certainty}).`,
   ].join(" ");
   // roles, because a narrow page lays the rows out as a grid, which takes the table's own roles away
   const table = part("table", both ? "worth both" : "worth", { role: "table" }, [

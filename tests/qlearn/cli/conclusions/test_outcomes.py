@@ -9,7 +9,7 @@ from elicit import Bags, FlippingTutor, PolytopeComparator, Words
 from qlearn import InteractivePolicyIteration, OrdinalMDP
 from qlearn.cli.conclusions.decided_plan import DecidedPlans
 from qlearn.cli.conclusions.in_words import InWords
-from qlearn.cli.conclusions.outcomes import end_shares, outcomes_of
+from qlearn.cli.conclusions.outcomes import effects_of, end_shares, outcomes_of
 from qlearn.cli.conclusions.plan import policy_conclusion
 from qlearn.cli.teach_subjects import taught_again
 
@@ -134,3 +134,24 @@ def test_icu_sepsis_names_its_outcomes() -> None:
     assert said.effect.startswith("In the model, of 1,000 patients about 873 recover and 127 die")
     assert said.outcomes is not None
     assert said.outcomes.rows[0] == ("recovered", 0.873478, 0.873478)
+
+
+def test_each_changed_state_says_how_many_runs_from_there_end_best() -> None:
+    """One step by either action, and then very many by the plan."""
+    states = 0
+    for seed in range(4):
+        mdp = ward(seed=seed)
+        found = DecidedPlans(mdp, 1e-3).of(learned(mdp, np.array([0, 0.9, 0.95, 1.0])))
+        said = effects_of(told_of(mdp), mdp, found)
+        assert [*said] == found.states.tolist()
+        moves = mdp.transitions.toarray().reshape(7, 3, 7)
+        chain = moves[np.arange(7), found.policy]
+        chain[5:] = np.eye(7)[5:]
+        well = np.linalg.matrix_power(chain, 100_000)[:, 6]
+        for state, ours in zip(found.states.tolist(), found.learned.tolist(), strict=True):
+            with_it, without = (1000 * moves[state, a] @ well for a in (ours, found.equal[state]))
+            assert said[state] == f"{with_it:.0f} of 1,000 recover, with equal steps {without:.0f}"
+            states += 1
+        assert not effects_of(told_of(mdp, ("die", "", "", "")), mdp, found)
+        assert not effects_of(told_of(mdp, ()), mdp, found)
+    assert states > 2
