@@ -31,7 +31,8 @@ _WIDE_BUT_HEARD = (
 )
 _WIDE_FOR_FEW = "{named} still {has} a wide range. More answers about {it} would narrow it."
 _NARROWING = (
-    "About {questions} more questions about levels would narrow every range to {width:.0f} or less."
+    "About {questions} more questions about levels would narrow every range to a width of "
+    "{width:.0f} or less."
 )
 OVERLAP = (
     "Ranges may overlap although the order is fixed: a better level is never worth less than a "

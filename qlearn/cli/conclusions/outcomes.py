@@ -89,7 +89,7 @@ def effects_of(told: InWords, mdp: OrdinalMDP, found: DecidedPlan) -> dict[int, 
     learned, equal = (chances @ ends[:, -1] for chances in rows)
     word = printable(words[-1])
     return {
-        state: f"{1000 * ours:.0f} of 1,000 {word}, with equal steps {1000 * theirs:.0f}"
+        state: f"with it {1000 * ours:.0f} of 1,000 {word}, with equal steps {1000 * theirs:.0f}"
         for state, ours, theirs in zip(
             states.tolist(), learned.tolist(), equal.tolist(), strict=True
         )

@@ -96,7 +96,9 @@ def test_a_best_guess_in_a_wide_range_is_called_inexact_and_the_reason_is_said()
     assert "Hollow dot: a rough best guess, “about” so much. The result allows" in notes
     wide = f"“ill” ({ill.low:.0f} to {ill.high:.0f}) still has a wide range although you answered "
     assert notes.startswith(f"{wide}about it, because any one answer may be a mistake. About 2 to ")
-    assert " more questions about levels would narrow every range to 40 or less." in notes
+    assert (
+        " more questions about levels would narrow every range to a width of 40 or less." in notes
+    )
     narrow = [row._replace(low=row.high - 40) if row is ill else row for row in found]
     notes = " ".join(scale_notes(narrow, comparator, settled=True))
     assert f"“ill” ({ill.high - 40:.0f} to {ill.high:.0f}) still has a wide range" in notes

@@ -148,9 +148,10 @@ def test_each_changed_state_says_how_many_runs_from_there_end_best() -> None:
         chain = moves[np.arange(7), found.policy]
         chain[5:] = np.eye(7)[5:]
         well = np.linalg.matrix_power(chain, 100_000)[:, 6]
-        for state, ours in zip(found.states.tolist(), found.learned.tolist(), strict=True):
-            with_it, without = (1000 * moves[state, a] @ well for a in (ours, found.equal[state]))
-            assert said[state] == f"{with_it:.0f} of 1,000 recover, with equal steps {without:.0f}"
+        for state, action in zip(found.states.tolist(), found.learned.tolist(), strict=True):
+            with_it, without = (1000 * moves[state, a] @ well for a in (action, found.equal[state]))
+            ours = f"with it {with_it:.0f} of 1,000 recover"
+            assert said[state] == f"{ours}, with equal steps {without:.0f}"
             states += 1
         assert not effects_of(told_of(mdp, ("die", "", "", "")), mdp, found)
         assert not effects_of(told_of(mdp, ()), mdp, found)
