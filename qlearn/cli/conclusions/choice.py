@@ -116,9 +116,7 @@ def choice_conclusion(
     return Conclusion(
         headline=headline,
         reason=_reason(told, names, shares, result, ahead),
-        size=size_of(told, loss, "that is", None)
-        if settled
-        else size_and_end(told, loss, _better(told), result.confidence),
+        size=size_and_end(told, loss, _better(told), result.confidence, settled),
         sure=sure,
         next=after,
         more=more,

@@ -88,8 +88,14 @@ def size_of(told: InWords, loss: float, what: str, confidence: float | None) -> 
     return f"{capital(what)} at most {told.loss(loss)}{end}."
 
 
-def size_and_end(told: InWords, loss: float, what: str, confidence: float) -> str:
-    """Return ``size_of`` and when questions end, or "" if nothing can be lost."""
+def size_and_end(told: InWords, loss: float, what: str, confidence: float, settled: bool) -> str:
+    """Return ``size_of`` and, if it is not ``settled``, when questions end.
+
+    If it is settled, what can be lost and how sure that is are said before. The result is "" if
+    nothing can be lost.
+    """
+    if settled:
+        return size_of(told, loss, "that is", None)
     if loss < NO_LOSS:
         return ""
     return f"{size_of(told, loss, what, confidence)} {until(told)}".strip()

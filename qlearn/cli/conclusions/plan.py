@@ -113,9 +113,7 @@ def policy_conclusion(
         headline=headline,
         reason=_reason(told, mdp, found, why, settled),
         effect=f"{effect} {told.caveat}".strip(),
-        size=size_of(told, bound, "that is", None)
-        if settled
-        else size_and_end(told, bound, _SHORT, result.confidence),
+        size=size_and_end(told, bound, _SHORT, result.confidence, settled),
         sure=f"{_close(result, bound)}{open_still}",
         next=after,
         more=more,

@@ -155,7 +155,7 @@ function agreeing({ few, levels, certainty, questions, groups, people: who }) {
     part("tr", "first", {}, [part("th", "level", { scope: "rowgroup", colspan: "3" }, [label])]),
     ...each.map((one) => {
       const range = one.low === one.high ? "fixed" : `${one.low} to ${one.high}`;
-      const guess = guessWords(one) ? `${guessWords(one)} (${range})` : range;
+      const guess = `${guessWords(one)} (${range})`;
       const colour = colourOf(levels.length - 1 - i, levels.length);
       const cells = [
         part("th", "name", { scope: "row" }, [one.who]),
