@@ -82,8 +82,8 @@ class AfterAnswer(NamedTuple):
 class Supposed(NamedTuple):
     """An asker that knows other answers than those in the log, to see what they would change.
 
-    ``used`` is the number of answers that this asker uses. ``of`` is the number of answers in the
-    log that have a verdict and were not taken back.
+    ``of`` is the number of these answers that have a verdict, and ``used`` how many of them the
+    asker uses.
     """
 
     asker: Asker

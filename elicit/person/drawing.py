@@ -213,12 +213,11 @@ class Drawing:
         """Return sentences on the result of a choice in a conflict.
 
         They give the range of each of these levels' values, unless that is so wide that it tells
-        little, and the number of answers left out. The
-        possible loss is not among them: people took the choice with the least loss, and not the one
-        they meant.
+        little, and the number of answers that are kept but not used. The possible loss is not among
+        them: people took the choice with the least loss, and not the one they meant.
         """
         n = after.of - after.used
-        kept = f"{in_answers(n).capitalize()} would not count." if n > 0 else ""
+        kept = f"{in_answers(n).capitalize()} that you keep would not be used." if n > 0 else ""
         if not isinstance(after.asker, Compares):
             return kept
         names = [printable(self._subject.labels[i]) for i in levels]

@@ -321,9 +321,9 @@ class ReplayedAsker:
         with those in ``meant``. Nothing changes. Another thread may call the function.
         """
         standing = self._without_repeats()
-        n = sum(entry.answer.verdict is not None for entry in standing)
         before = [entry for entry in standing if entry.answer.query.id not in without]
         before += [Entry(answer) for answer in meant]
+        n = sum(entry.answer.verdict is not None for entry in before)
 
         def make() -> Supposed:
             asker, known, _ = self._knowing(before)

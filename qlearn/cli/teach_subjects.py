@@ -33,7 +33,14 @@ from qlearn.cli.conclusions.choice import (
     offered_table,
 )
 from qlearn.cli.conclusions.decided_plan import DecidedPlans
-from qlearn.cli.conclusions.icu import ICU_CAVEAT, ICU_LEGEND, icu_dose, icu_states
+from qlearn.cli.conclusions.icu import (
+    ICU_CAVEAT,
+    ICU_DURATION,
+    ICU_LEGEND,
+    icu_dose,
+    icu_states,
+    icu_valuation,
+)
 from qlearn.cli.conclusions.in_words import InWords
 from qlearn.cli.conclusions.plan import (
     policy_conclusion,
@@ -131,10 +138,16 @@ def taught_by(
 
     finer = f"For finer ones start again with --days {2 * days}: what you answered stays."
     names = icu_dose if problem == "icu-sepsis" else mdp.action_name
-    said = ("patient states", "treatment") if problem == "icu-sepsis" else ("states", "plan")
-    state_words = icu_states(mdp) if problem == "icu-sepsis" else str
-    caveat = ICU_CAVEAT if problem == "icu-sepsis" else ""
-    told = InWords(mdp.labels, words, tolerance, *said, legend, state_words, caveat=caveat)
+    told = InWords(mdp.labels, words, tolerance, legend=legend)
+    if problem == "icu-sepsis":
+        told = replace(
+            told,
+            states="patient states",
+            plan="treatment",
+            state_words=icu_states(mdp),
+            caveat=ICU_CAVEAT,
+            valued=icu_valuation(mdp),
+        )
     plans = DecidedPlans(mdp, tolerance)
     subject = Subject(
         mdp.labels,
@@ -151,7 +164,7 @@ def taught_by(
             seed,
             ("Tolerance", per_hundred(tolerance)),
             like=like,
-            valued=valuation(mdp),
+            valued=valuation(told, mdp),
         ),
         enough=partial(policy_holds, told, plans),
         enough_is_slow=True,
@@ -288,7 +301,7 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
         "ICU-Sepsis",
         preamble,
         "which is better off?",
-        duration="Each patient stays in the condition shown for 30 days. Compare these days only.",
+        duration=ICU_DURATION,
         levels=(
             "Died in hospital",
             "In intensive care, the worst quarter: mean SOFA score above 8.5",

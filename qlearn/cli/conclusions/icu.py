@@ -33,6 +33,32 @@ ICU_CAVEAT = (
 )
 """What a plan must not be taken for."""
 
+_DAYS = 30  # that the questions are about
+_STEPS_A_DAY = 6  # of 4 hours each
+ICU_DURATION = (
+    f"Each patient stays in the condition shown for {_DAYS} days. Compare only these days: the "
+    "plan counts little after them."
+)
+"""How long the conditions in a question last, and why no longer."""
+
+
+def icu_valuation(mdp: OrdinalMDP) -> str:
+    """Return sentences on how a plan for ICU-Sepsis is valued.
+
+    Examples
+    --------
+    >>> from qlearn.problems.icu_sepsis import icu_sepsis
+    >>> print(icu_valuation(icu_sepsis()).split(". ")[1])
+    The first 30 days count for 84%, and all later days for the rest
+    """
+    share = 1.0 - mdp.discount ** (_DAYS * _STEPS_A_DAY)
+    return (
+        "How a plan is valued: by the condition of each patient, every 4 hours. "
+        f"The first {_DAYS} days count for {share:.0%}, and all later days for the rest. A patient "
+        "who died counts as “died” from then on, and one who recovered as “recovered”. "
+        "So a death counts for about as long as in the questions, and not for the years lost."
+    )
+
 
 def icu_states(mdp: OrdinalMDP) -> Callable[[str], str]:
     """Return a function that puts a state of ICU-Sepsis in words, from its name.

@@ -151,7 +151,7 @@ def test_what_a_session_would_know_with_other_answers() -> None:
         assert as_it_is.asker.result().best == session.result().best
         size = len(log)
         less = session.supposing([said[-1].query.id])()
-        assert (less.used, less.of) == (len(said) - 1, len(said))
+        assert (less.used, less.of) == (len(said) - 1, len(said) - 1)
         other = replace(said[-1], verdict=Verdict.WORSE)
         both = session.supposing([], [other])()
         assert both.used == len(said)  # of two that contradict each other the later is dropped

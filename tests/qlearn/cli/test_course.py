@@ -687,12 +687,12 @@ def test_each_choice_of_a_conflict_says_what_it_leaves(choice: int) -> None:
         assert len(log) == size  # nothing was changed
         choices = [one["choice"] for one in conflict["choices"]]
         assert [*left["choices"]] == choices == ["first", "second", "equal", "cannot tell"]
-        n = sum(not e.retracted and not e.repeat for e in log)
         said = left["choices"][choices[choice]]
         interview.handle({"do": "settle", "id": conflict["id"], "choice": choices[choice]})
         used = sum(e.used and e.answer.verdict is not None for e in log)
-        left_out = f"{n - used} {'answer' if n - used == 1 else 'answers'} would not count."
-        assert said.endswith(left_out) == (used < n)
+        n = sum(e.answer.verdict is not None for e in log.standing if not e.repeat)
+        left_out = f"{n - used} {'answer' if n - used == 1 else 'answers'} that you keep"
+        assert (f"{left_out} would not be used." in said) == (used < n)
         rows = {row["label"]: row for row in interview.handle({"do": "result"})["end"]["scale"]}
         worth = re.findall(r"“([^“]+?)” would be worth [a-z]* ?\d+ \((\d+) to (\d+)\)\.", said)
         narrow = {label for label, row in rows.items() if row["high"] - row["low"] <= 50}

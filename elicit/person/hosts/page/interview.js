@@ -571,7 +571,7 @@ export function mount(root, send, options = {}) {
     const grid = part("div", said.length === 1 ? "" : "columns even", {}, cards);
     const parts = [part("p", "soft", {}, [text]), grid, part("div", "mid options", {}, buttons)];
     parts.push(part("p", "soft small", {}, ["An answer that you do not keep stays in the log, but no longer counts. What you keep can still be taken back later."]));
-    return [{ heading: [heading], name: "Please check", more: "" }, ...parts];
+    return [{ heading: [heading], name: "Please check", more: "" }, ...parts, part("div", "mid stack", {}, [undoing()])];
   }
 
   function offer() {
