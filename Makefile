@@ -30,9 +30,11 @@ test: $(READY)  ## the tests, without the slow ones
 	$(BIN)/python -m pytest -q -n auto --dist worksteal
 
 FOLDERS ?= tests
+WORKERS ?= auto
+# one process compiles what its tests need, several would compile it several times
 test-portable: $(READY)  ## fewer of them, as on an older processor: make test-portable FOLDERS=tests/elicit/lp for some
-	$(BIN)/python -m tests.older_processor $(BIN)/python -m qlearn.warm_up
-	$(BIN)/python -m tests.older_processor $(BIN)/python -m pytest -q -n auto --dist worksteal $(FOLDERS)
+	$(if $(filter 0,$(WORKERS)),,$(BIN)/python -m tests.older_processor $(BIN)/python -m qlearn.warm_up)
+	$(BIN)/python -m tests.older_processor $(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal $(FOLDERS)
 
 test-slow: $(READY)  ## every test
 	$(BIN)/python -m pytest -q -n auto --dist worksteal -m "slow or not slow"
