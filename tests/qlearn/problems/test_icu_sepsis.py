@@ -177,6 +177,7 @@ def test_tables_of_another_version(
     )
     if tables is not None:
         np.savez_compressed(assets / "dynamics.npz", **tables)
+    monkeypatch.delitem(sys.modules, "icu_sepsis", raising=False)  # if another test imported it
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(RuntimeError, match=message) as caught:
         icu_sepsis()
