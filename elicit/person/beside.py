@@ -249,6 +249,8 @@ class Beside(Closing):
         self._results: tuple[tuple[Asker, Any], ...] = ()  # after the last answer
         # questions about levels, this one included, after "ask me more" or until it is enough
         self._levels_left: tuple[int, int] | None = None
+        # questions until no level's range is wide, if the person chose to go on so far
+        self._to_narrow = 0, 0
         self._no_others = False  # but those that are needed
         self._may_change = False  # true if the answer to this question may make others needed
         self._reason = ""  # for this question, if its card says why it comes
@@ -349,6 +351,7 @@ class Beside(Closing):
         no_others: bool = False,
         near: Callable[[Any], bool] | None = None,
         reason: str = "",
+        to_narrow: tuple[int, int] = (0, 0),
     ) -> None:
         """Start the computations for the question that is now on the screen.
 
@@ -367,6 +370,9 @@ class Beside(Closing):
         reason : str
             Why the question comes, if the note on its card says so. "Why this question?" then gives
             the same reason.
+        to_narrow : (2,) int
+            The fewest and the most questions until no level's range is wide, if the person chose to
+            go on so far.
         """
         self._reason = reason
         self._conduct, self._needed, self._no_others = conduct, needed, no_others
@@ -377,7 +383,7 @@ class Beside(Closing):
         if not subject.least or (subject.enough_is_slow and session.next_told() is not None):
             enough = None
         asks_on = enough is not None and not enough(session.result())
-        self._levels_left = None
+        self._levels_left, self._to_narrow = None, to_narrow
         if (more or asks_on) and isinstance(asker, Compares):
             self._levels_left = questions_left(asker.comparator)
         if now is not None and now.shown == shown.id and now.asker is asker:
@@ -483,7 +489,8 @@ class Beside(Closing):
         now = self._beside
         outlook = now.outlook if now is not None and now.shown == id else None
         if outlook is None:
-            why = [FURTHER] if id.startswith(LEVEL) and not self._chosen.more else []
+            settled = self._chosen.more or self._to_narrow[1]
+            why = [FURTHER] if id.startswith(LEVEL) and not settled else []
             why = [self._reason] if self._reason else why
             why = [_CHECK] if id.endswith(AGAIN) else why
             forecast = self._forecast(None, None)
@@ -525,6 +532,7 @@ class Beside(Closing):
         if likely is None or self._chosen.more or not to_come[0] <= _NEAR < to_come[1]:
             return False
         further = 0 if self._levels_left is None else self._levels_left[0]
+        further = max(further, self._to_narrow[0])
         return self._with_checks(max(self._needed[0], likely + further)) <= _NEAR
 
     def _with_checks(self, number: int) -> int:
@@ -552,13 +560,13 @@ class Beside(Closing):
             return None if shown is None else [*shown]
         if self._chosen.more != self._asks_more:  # what was shown before was about less
             self._asks_more, self._left = self._chosen.more, QuestionsLeft()
-        found, rough = None, False
+        found, rough, wide = None, False, self._to_narrow
         if self._chosen.more:
             if self._levels_left is None:
                 return None
             fewest, most = (self._with_checks(max(0, n - 1)) for n in self._levels_left)
             found = fewest, most
-        elif played is not None or self._levels_left is not None:
+        elif played is not None or self._levels_left is not None or wide[1]:
             further = 0
             if self._subject.least and self._subject.enough_is_slow:
                 further = _UNTIL_SETTLED
@@ -566,8 +574,8 @@ class Beside(Closing):
                 further = self._levels_left[0] + _UNTIL_SURE
             fewest, most = (0, 0) if played is None else played
             both = max(self._needed[0], fewest), max(self._needed[0], most) + further
-            found = self._with_checks(both[0]), self._with_checks(both[1])
-            if self._prospects is not None:
+            found = self._with_checks(both[0] + wide[0]), self._with_checks(both[1] + wide[1])
+            if self._prospects is not None and not wide[1]:
                 cap = max(self._prospects.questions[-1] - put - 1, found[0])
                 found = found[0], min(found[1], cap)
         elif (

@@ -37,12 +37,13 @@ from elicit.person.findings import (
     certainty,
     given_in,
     guess_in_words,
+    narrowing,
     scale_notes,
     scale_rows,
 )
 from elicit.person.next_question import NextQuestion
 from elicit.person.outlook import Prospect
-from elicit.person.report import NEARLY, ReportDetails, report_page
+from elicit.person.report import ENOUGH, NEARLY, ReportDetails, report_page
 from elicit.person.session import Session
 from elicit.person.showing import (
     Shown,
@@ -426,7 +427,10 @@ class Drawing:
         as_given = self._rows_as_given()
         scale = [row._replace(given=given_in(row, as_given))._asdict() for row in rows]
         settled = found.settled and caution is None and enough
-        rests = settled and changes is not None and changes.open is not None
+        narrow = narrowing(rows, known) if known is not None and settled and left else ""
+        if narrow:
+            after = f"{found.next} {narrow}"
+        rests = settled and (bool(narrow) or (changes is not None and changes.open is not None))
         status = "Settled" if settled else NEARLY if nearly else "Not settled"
         return {
             "headline": printable(headline),
@@ -440,7 +444,7 @@ class Drawing:
             "caution": caution,
             "remarks": self._remarks() if subject.least else [],
             "settled": settled,
-            "status": "Enough is known" if rests else status,
+            "status": ENOUGH if rests else status,
             "more": left,
             "finished": over,
             "open": f"There is no finer question in whole numbers. {subject.finer}".strip()

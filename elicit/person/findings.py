@@ -31,8 +31,8 @@ _WIDE_BUT_HEARD = (
 )
 _WIDE_FOR_FEW = "{named} still {has} a wide range. More answers about {it} would narrow it."
 _NARROWING = (
-    "About {questions} more questions about levels would narrow every range to a width of "
-    "{width:.0f} or less."
+    "The values of the levels are known only roughly: about {questions} more questions would "
+    "narrow every range to a width of {width:.0f} or less."
 )
 OVERLAP = (
     "Ranges may overlap although the order is fixed: a better level is never worth less than a "
@@ -79,7 +79,8 @@ def guess_in_words(value: float, known: bool, rough: bool) -> str:
 def given_in(row: ScaleRow, as_given: Sequence[ScaleRow]) -> tuple[float, float] | None:
     """Return the range of a row's level if no answer is a mistake, or None.
 
-    It is None if that is not narrower than the row's own range, or no answer is about the level.
+    It is None if no answer is about the level, or if no value is in both that range and the row's
+    own. Otherwise it is what both have in common.
 
     Parameters
     ----------
@@ -89,8 +90,9 @@ def given_in(row: ScaleRow, as_given: Sequence[ScaleRow]) -> tuple[float, float]
         each other.
     """
     for one in as_given:
-        if one.label == row.label and row.asked and one.high - one.low < row.high - row.low:
-            return one.low, one.high
+        if one.label == row.label and row.asked and row.low < row.high:
+            low, high = max(one.low, row.low), min(one.high, row.high)
+            return (low, high) if low <= high else None
     return None
 
 
@@ -145,15 +147,21 @@ def _on_wide(
     words = {"has": "has", "it": "it"} if len(wide) == 1 else {"has": "have", "it": "them"}
     because = _WIDE_BUT_HEARD if sure or wrong_of(comparator) > 0 else _WIDE_FOR_FEW
     said = because.format(named=listed(each), **words)
-    if all(given_in(row, as_given) for row in wide):  # then that range stands beside each
-        said = ""
-    if not sure or not any(
-        row.high - row.low > WIDE for row in rows
-    ):  # how many questions it takes was measured for a posterior
-        return [said] if said else []
-    least, most = questions_to_narrow([row.high - row.low for row in rows])
+    # otherwise the range if no answer is a mistake stands beside each
+    return [] if all(given_in(row, as_given) for row in wide) else [said]
+
+
+def narrowing(rows: Sequence[ScaleRow], comparator: Comparator) -> str:
+    """Return a sentence on how many questions would narrow the wide ranges, or "".
+
+    How many it takes was measured for a posterior, so nothing is said of other comparators.
+    """
+    widths = [row.high - row.low for row in rows]
+    if trusted_share(comparator) is None or max(widths) <= WIDE:
+        return ""
+    least, most = questions_to_narrow(widths)
     questions = f"{least} to {most}" if least < most else f"{most}"
-    return [f"{said} {_NARROWING.format(questions=questions, width=WIDE)}".strip()]
+    return _NARROWING.format(questions=questions, width=WIDE)
 
 
 def overlap(rows: Sequence[ScaleRow]) -> bool:

@@ -322,7 +322,8 @@ class Interview(Closing):
         left = 1 + needed[1] if only and not needed[0] else 0
         check = self._mending.check(query, left)
         reason = IMPLIED if check == IMPLIED else ""
-        self._beside.accompany(shown_now, conduct, needed, only, near, reason)
+        narrow = self._questions.to_narrow()
+        self._beside.accompany(shown_now, conduct, needed, only, near, reason, narrow)
         return {
             **screen,
             "stage": "question",
@@ -401,11 +402,14 @@ class Interview(Closing):
         self._session.shown(shown.id, shown.swapped, shown=shown.record(), **changed)
         self._put, self._kept = shown.id, replace(self._chosen)
 
-    def _begin(self, who: str = "", budget: str = "", minutes: str = "") -> dict[str, Any]:
+    def _begin(
+        self, who: str = "", budget: str = "", minutes: str = "", until: str = ""
+    ) -> dict[str, Any]:
         self._started, self._chosen.stopped = True, False
         if who.strip() and self._session.log.who is None and not self._session.log.standing:
             self._session.stamp(printable(who.strip())[:_LONGEST_NAME])
         self._chosen.budget, self._chosen.minutes = _number(budget), _number(minutes)
+        self._chosen.values = until == "values"
         return self._screen()
 
     def _practise(self) -> dict[str, Any]:
@@ -484,7 +488,8 @@ class Interview(Closing):
                 f"answered {n} questions"
             )
             return offers.after_plan(over, self._questions.nearly(conduct))
-        if self._chosen.more or not offers.nearly_is_due(conduct, self._chosen.offered):
+        goes_on = self._chosen.more or self._chosen.values
+        if goes_on or not offers.nearly_is_due(conduct, self._chosen.offered):
             return None
         # a result of a large model takes a second: mostly it was computed beside the last question
         near = self._beside.near()

@@ -14,7 +14,7 @@ from elicit.person.asker import Compares
 from elicit.person.course.conduct import IN_CONFLICT, ORDER, differs, was_settled
 from elicit.person.course.counts import KEPT, status_of
 from elicit.person.course.kept_in_log import Choices
-from elicit.person.course.level_questions import purpose_of
+from elicit.person.course.level_questions import NARROW, WIDE, purpose_of
 from elicit.person.drawing import Drawing
 from elicit.person.session import Session
 from elicit.person.showing import Subject, printable, shown_of
@@ -25,7 +25,7 @@ _SWAPPED = {True: "the sides swapped", False: "the same sides"}
 _ONLY_CHECKS = " Only repeated questions are left, as checks."
 _ORDER = "Check question: this one is about the order of the levels."
 # not called a check: the result does not count it as one
-IMPLIED = "This question tests whether your answers so far fit together."
+IMPLIED = "Your answers so far already point to an answer here. This one makes it surer."
 """The reason for a question whose answer follows from others."""
 _CHECK_TAKEN_BACK = (
     "This is the same check again, because you took back your answer to it. It repeats question "
@@ -99,7 +99,8 @@ class Mending:
         if self._session.next_told() is not None or not isinstance(asker, Compares):
             return ""
         labels = [printable(label) for label in self._subject.labels]
-        return purpose_of(query, asker.comparator, labels, self._chosen.more)
+        until = NARROW if self._chosen.more else WIDE if self._chosen.values else None
+        return purpose_of(query, asker.comparator, labels, until)
 
     def conflict(self) -> dict[str, Any] | None:
         """Return the conflict that the last answer is part of, unless the person left it."""

@@ -16,8 +16,14 @@ from elicit.person.course.conclusion import NearlyEnough
 from elicit.person.course.conduct import IN_CONFLICT, ORDER, SETTLED, Conduct
 from elicit.person.course.counts import status_of
 from elicit.person.course.kept_in_log import Before, Choices, Start
-from elicit.person.course.level_questions import known_question, level_question, order_question
+from elicit.person.course.level_questions import (
+    known_question,
+    level_question,
+    order_question,
+    questions_to_narrow,
+)
 from elicit.person.course.offers import NEARLY_FROM, may_be_near
+from elicit.person.course.ranges import draws_again, value_ranges
 from elicit.person.findings import asked_levels
 from elicit.person.session import Session
 from elicit.person.showing import Subject, near_in_whole_numbers, shown_of
@@ -84,6 +90,18 @@ class NextQuestion:
             return known_question(asker.comparator, of, answered)
         return found
 
+    def to_narrow(self) -> tuple[int, int]:
+        """Return the fewest and the most questions until no level's range is wide.
+
+        They are 0 if the person did not choose to go on so far, or nothing more can be asked.
+        """
+        asker = self._session.current_asker()
+        if not self._chosen.values or not isinstance(asker, Compares):
+            return 0, 0
+        low, high = value_ranges(asker.comparator, draws_again(asker.comparator))
+        left = questions_to_narrow((100.0 * (high - low)).tolist())
+        return left if left[1] and self.about_a_level() is not None else (0, 0)
+
     def still_needed(self, conduct: Conduct, id: str) -> tuple[int, int]:
         """Return the numbers of answers, and of checks, that must come after this question."""
         if not self._subject.least:
@@ -131,7 +149,7 @@ class NextQuestion:
         if not self._subject.least or self._chosen.more:
             return False
         enough = self._subject.enough
-        over = self._session.next_told() is None
+        over = self._session.next_told() is None and not self.to_narrow()[1]
         return over and (enough is None or enough(self._session.result()))
 
     def _taken_back_last(self) -> Query | None:
@@ -202,7 +220,7 @@ class NextQuestion:
                 return check
             # where little is left to gain, questions whose answers follow from others add nothing
             few = self.nearly(conduct) is None
-        open_still = unsure or self._chosen.more or few
+        open_still = unsure or self._chosen.more or few or self.to_narrow()[1] > 0
         if open_still and (found := self.about_a_level(few)) is not None:
             return found
         return self._session.confirming() if needed or self._chosen.more else None

@@ -118,6 +118,8 @@ _WITH_MISTAKES = "Allowing for mistakes"
 FIXED = "fixed"
 """The range of a level whose value is 0 or 100 by definition."""
 
+ENOUGH = "Enough for this result"
+"""The status of a settled result that leaves levels or states open."""
 NEARLY = "Nearly settled"
 """The status of a result by which little can be lost, although questions are left."""
 

@@ -303,7 +303,7 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
         "which is better off?",
         duration=ICU_DURATION,
         levels=(
-            "Died in hospital",
+            "Died in hospital: dead on each of these days. The years lost do not count",
             "In intensive care, the worst quarter: mean SOFA score above 8.5",
             "In intensive care, the second worst quarter: mean SOFA score 6.5 to 8.5",
             "In intensive care, the second best quarter: mean SOFA score 4.7 to 6.5",

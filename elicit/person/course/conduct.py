@@ -50,7 +50,7 @@ MOST_CHECKS = 11
 """A person who has not passed after this many checks is told so."""
 _SHOWS_LITTLE = "That does not show yet whether you meant your answers."
 _SHOWS_SOME = "That speaks for your answers."
-_SHOWS_MUCH = "So your answers were probably not given at random."
+_SHOWS_MUCH = "That speaks well for your answers."
 _RARE = 25  # cases: answers by chance that do so well in one of more are rare
 _MORE_ALIKE = 2  # further checks that must be answered alike for each that was not
 _EVERY = 4  # answers for each check, where the interview wants some
@@ -240,7 +240,7 @@ class Conduct:
             if n == 1 and not alike:
                 answered = "was answered against it"
             said.append(f"{asked} the order of the levels, and {answered}.")
-        cases, by_coin = self.cases, "Somebody who guessed A or B each time would do as well in"
+        cases, by_coin = self.cases, "Answers at random would do as well in"
         if cases < 2:
             said += [f"{by_coin} half of all interviews or more.", _SHOWS_LITTLE]
             return " ".join(said)

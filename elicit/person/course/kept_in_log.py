@@ -40,6 +40,9 @@ class Choices:
         True if they want the result now.
     more
         True if they want more questions than needed.
+    values
+        True if questions are to go on until no level's range is wide, also if the result is settled
+        before.
     other
         True if they want another kind of question.
     slowed
@@ -54,6 +57,7 @@ class Choices:
     heard: int = 0
     stopped: bool = False
     more: bool = False
+    values: bool = False
     other: bool = False
     slowed: bool = False
     passed: tuple[tuple[str, ...], ...] = ()
@@ -73,7 +77,7 @@ class Choices:
         for name, least in (("budget", 1), ("minutes", 1), ("offered", 0), ("heard", 0)):
             if type(kept.get(name)) is int and kept[name] >= least:
                 setattr(found, name, kept[name])
-        for name in ("stopped", "more", "other", "slowed"):
+        for name in ("stopped", "more", "values", "other", "slowed"):
             setattr(found, name, kept.get(name) is True)
         passed = kept.get("passed")
         if isinstance(passed, list):

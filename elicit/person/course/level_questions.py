@@ -20,7 +20,9 @@ from elicit.person.course.ranges import value_bounds
 
 LEVEL = "level/"
 """Start of the id of a question about a level."""
-_NARROW = 0.02  # width of an interval, from 0 (worst) to 1 (best), that is not worth a question
+NARROW = 2.0
+"""Width of a range, of 100, that is not worth a question."""
+_NARROW = NARROW / 100  # the same, from 0 (worst) to 1 (best)
 _APART = 0.05  # least difference, on that scale, of a question whose answer is known
 _FEWEST = 0.5  # questions for each halving that an interval needs, at the fewest
 _MOST = 1.6  # the same, at the most
@@ -170,7 +172,9 @@ def questions_to_narrow(widths: Sequence[float]) -> tuple[int, int]:
     return len(wide), math.ceil(_FOR_EACH * len(wide) + _FOR_EACH_HALVING * halvings)
 
 
-def purpose_of(query: Query, comparator: Comparator, labels: Sequence[str], more: bool) -> str:
+def purpose_of(
+    query: Query, comparator: Comparator, labels: Sequence[str], until: float | None
+) -> str:
     """Return sentences on the purpose of a question about a level, or "" for another one.
 
     Parameters
@@ -179,8 +183,8 @@ def purpose_of(query: Query, comparator: Comparator, labels: Sequence[str], more
     comparator : Comparator
     labels : (k,) str
         Names of the levels, worst first.
-    more : bool
-        True if the result is settled, and the person asked for more.
+    until : float or None
+        Width of a range, of 100, at which such questions end, if the person chose to go on so far.
     """
     if not query.id.startswith(LEVEL):
         return ""
@@ -188,11 +192,11 @@ def purpose_of(query: Query, comparator: Comparator, labels: Sequence[str], more
     if not all(math.isfinite(bound[level]) for bound in value_bounds(comparator)):
         return ""
     said = f"This question narrows what “{labels[level]}” is worth to you."
-    if not more:
+    if until is None:
         return f"{said} {FURTHER}"
     return (
-        f"{said} Questions end once what each level is worth is known to within "
-        f"{100 * _NARROW:.0f} of 100, or when you finish."
+        f"{said} Questions end once what each level is worth is known to within {until:.0f} of "
+        "100, or when you finish."
     )
 
 

@@ -56,7 +56,7 @@ def icu_valuation(mdp: OrdinalMDP) -> str:
         "How a plan is valued: by the condition of each patient, every 4 hours. "
         f"The first {_DAYS} days count for {share:.0%}, and all later days for the rest. A patient "
         "who died counts as “died” from then on, and one who recovered as “recovered”. "
-        "So a death counts for about as long as in the questions, and not for the years lost."
+        "So a death counts about as in the questions, and the years lost do not count."
     )
 
 

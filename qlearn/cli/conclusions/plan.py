@@ -40,7 +40,7 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 _SHORT = "your plan could still be worse than your ideal plan, by"
 _REST = "what follows in the rest of the plan"
 _IN_MODEL = "In the model"
-_TOO_LITTLE = ": it makes too little difference to go on asking"
+_TOO_LITTLE = ": on the whole it makes too little difference to go on asking"
 _STEPS = "equal steps between the levels (each better than the one below it by the same amount)"
 
 
@@ -141,7 +141,10 @@ def _decided(told: InWords, mdp: OrdinalMDP, found: DecidedPlan) -> str:
     live, n, rest = int(np.count_nonzero(~mdp.terminal)), int(found.holds.sum()), len(found.leaning)
     said = f"change the {told.plan} in {n} of {live} {told.states}"
     if not n:
-        said = f"keep the {told.plan} in {live - rest} of {live} {told.states}"
+        return (
+            f"So far your answers do not change the {told.plan}. In {rest} of {live} {told.states} "
+            "they do not decide yet."
+        )
     return f"Compared with equal steps between the levels, your answers {said}."
 
 
@@ -271,7 +274,8 @@ def _changes(
         "Another action is better here by the best guess of your values, but not for all values "
         "that fit your answers. So the plan keeps the action that is best with equal steps. "
         + (
-            "More answers may decide for either, but that makes too little difference to go on."
+            "More answers may decide for either, but on the whole that makes too little difference "
+            "to go on."
             if _bound(found) <= told.tolerance
             else "More answers may decide for either."
         )

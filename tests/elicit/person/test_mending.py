@@ -8,7 +8,7 @@ from elicit import AnswerLog, Interview, Session, Subject
 from elicit.person.course.counts import Counts, number_of
 from tests.browser_cases import LABELS, QUESTIONS, Listed
 
-SURE = "This question tests whether your answers so far fit together."
+SURE = "Your answers so far already point to an answer here. This one makes it surer."
 SAME = "This is the same question again, because you took back your answer to it"
 
 

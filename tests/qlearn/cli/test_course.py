@@ -138,7 +138,7 @@ def test_most_who_answer_by_chance_get_an_end_that_says_so() -> None:
         end = screen["end"]
         said += end["caution"] is not None
         # who passes all checks by chance cannot be told from one who means it
-        assert "Somebody who guessed A or B each time would do as well in " in end["by_chance"]
+        assert "Answers at random would do as well in " in end["by_chance"]
         if end["caution"] is None and end["settled"]:
             cases = int(re.search(r"in 1 of (\d+) interviews", end["by_chance"])[1])
             assert cases >= 25
@@ -462,6 +462,34 @@ def test_after_the_end_more_is_asked_and_who_takes_answers_back_hears_if_it_is_s
             assert screen["question"]
             assert "The result is still settled" in screen["note"]
             assert interview.handle({"do": "result"})["end"]["settled"]
+
+
+@pytest.mark.parametrize("until", ["", "values"])
+def test_who_wants_the_values_is_asked_until_no_range_is_wide(until: str, tmp_path: Path) -> None:
+    table = tmp_path / "care.csv"
+    table.write_text(
+        "option,dead,ill,fair,well\nrest,5,30,30,35\nsurgery,10,5,10,75\npills,2,38,40,20\n"
+    )
+    told, log = taught_by(str(table), "posterior", 10, None, 0, 0.01), AnswerLog()
+    with (
+        Session(told.make, log, audit=0.1) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        person = Person(interview, truthful(np.array([0, 0.23, 0.71, 1.0])))
+        person.screen = interview.handle({"do": "start", "until": until})
+        end = person.until("end")["end"]
+        assert end["settled"]
+        widest = max(row["high"] - row["low"] for row in end["scale"])
+        if until:
+            assert widest <= 41  # rounded outwards
+            assert any(entry.answer.query.id.startswith("level/") for entry in log)
+        else:
+            assert widest > 60
+        roughly = "The values of the levels are known only roughly: about " in end["next"]
+        assert roughly == (widest > 40)
+        assert end["status"] == ("Settled" if not roughly else "Enough for this result")
+        kept = [one.metadata.get("choices") for one in log.asked if one.metadata.get("choices")]
+        assert kept[-1]["values"] == bool(until)  # so a session that is resumed goes on as far
 
 
 def test_taking_back_an_answer_says_what_became_of_the_result() -> None:
@@ -868,7 +896,7 @@ def test_where_little_is_left_to_gain_no_question_comes_whose_answer_is_known(ti
         person = Person(interview, about(0.03))
         screen = person.until("end", 40)
         assert screen["stage"] == "end"
-        assert screen["end"]["status"] in ("Settled", "Enough is known", "Nearly settled")
+        assert screen["end"]["status"] in ("Settled", "Enough for this result", "Nearly settled")
         assert person.stages.count("question") < 35  # 41 with those questions
 
 

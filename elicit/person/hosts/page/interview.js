@@ -424,6 +424,7 @@ export function mount(root, send, options = {}) {
     who.addEventListener("input", () => (typed.who = who.value));
     const choices = budgets.map((one) => [`${one.minutes}`, `${one.minutes} minutes`, `about ${one.questions} questions`]);
     choices.push(["", "Until the result is settled", "stop any time"]);
+    if (least) choices.push(["values", "Until the values are known, too", "the longest; stop any time"]);
     const radios = choices.map(([value, words, label]) => {
       const input = part("input", "", { type: "radio", name: "elicit-budget", value });
       input.checked = value === (typed.minutes ?? "");
@@ -438,8 +439,9 @@ export function mount(root, send, options = {}) {
     // the forecast of the chosen time is below Start, which so does not move when it comes or changes
     const likely = part("p", "soft small likely", { id: "elicit-likely" });
     const start = () => {
-      const minutes = body.querySelector("input[name='elicit-budget']:checked")?.value ?? "";
-      show({ do: "start", who: who.value, minutes }, "The interview has not started yet.");
+      const time = body.querySelector("input[name='elicit-budget']:checked")?.value ?? "";
+      const until = time === "values" ? time : "";
+      show({ do: "start", who: who.value, minutes: until ? "" : time, until }, "The interview has not started yet.");
     };
     const says = [
       ["You compare.", `${compare} There is no right or wrong answer.`],
@@ -624,7 +626,11 @@ export function mount(root, send, options = {}) {
     const { budgets, settled, ready } = prospects;
     const all = [...body.querySelectorAll("input[name='elicit-budget']")];
     const chosen = all.findIndex((one) => one.checked);
-    const found = chosen === all.length - 1 ? settled : budgets[chosen];
+    if (all[chosen]?.value === "values") {
+      say(place, AND_VALUES);
+      return;
+    }
+    const found = all[chosen]?.value === "" ? settled : budgets[chosen];
     const none = ready ? (budgets.length || settled ? "" : UNFORESEEN) : "Trying to foresee how far each choice of time gets\u00a0...";
     say(place, found ? `${found} ${SIMULATED}` : none);
   }
@@ -906,6 +912,7 @@ const BARS = "These numbers are too large to draw circles, so the length of a ba
 const ROSE = " (more than expected)";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
 const UNFORESEEN = "How far each choice of time gets cannot be foreseen here. You will see it as you go.";
+const AND_VALUES = "After the result is settled, questions about the levels follow, until the range of each is no wider than 40 of 100.";
 const MEANT = "If no answer is a mistake"; // head of a column
 const MISTAKES = "Allowing for mistakes"; // head of the column beside it
 const GIVEN = "It was given when the program was started.";

@@ -70,9 +70,9 @@ def test_the_purpose_of_a_question_says_which_level_it_is_about() -> None:
     query = level_question(knows, 10, never)
     assert query is not None
     said = f"This question narrows what “{labels[about(query)]}” is worth to you."
-    assert purpose_of(query, knows, labels, False) == f"{said} {FURTHER}"
-    assert purpose_of(query, knows, labels, True).startswith(f"{said} Questions end once ")
-    assert not purpose_of(order_question(4, 1), knows, labels, False)
+    assert purpose_of(query, knows, labels, None) == f"{said} {FURTHER}"
+    assert "known to within 40 of 100" in purpose_of(query, knows, labels, 40.0)
+    assert not purpose_of(order_question(4, 1), knows, labels, None)
 
 
 def test_a_question_that_was_answered_is_not_put_again() -> None:

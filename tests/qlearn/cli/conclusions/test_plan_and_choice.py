@@ -209,14 +209,15 @@ def test_a_plan_that_leaves_states_open_is_not_said_to_be_settled() -> None:
             assert found.headline.startswith("Your plan is settled") == (n > 0 and not rest)
             if rest:
                 kept = kinds.count("as with equal steps")
-                said = f"change the plan in {n} of 8 states" if n else f"keep the plan in {kept} of"
-                assert found.headline.startswith(
-                    f"Compared with equal steps between the levels, your answers {said}"
-                )
+                said = "Compared with equal steps between the levels, your answers change the plan "
+                said += f"in {n} of 8 states."
+                if not n:
+                    said = f"So far your answers do not change the plan. In {rest} of 8 states they"
+                assert found.headline.startswith(said)
                 other = "one" if rest == 1 else f"{rest}"
                 little = (
                     f" in {kept}. In the other {other} they do not decide, and the plan keeps it "
-                    "too: it makes too little difference to go on asking."
+                    "too: on the whole it makes too little difference to go on asking."
                 )
                 assert found.reason.endswith(little) == (n > 0)
     assert {(True, 1), (True, 2)} & seen
