@@ -26,6 +26,7 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 from numba import config, njit, types
+from numba._dispatcher import compute_fingerprint
 from numba.core import event
 from numba.extending import models, register_model, typeof_impl
 
@@ -159,8 +160,8 @@ class Compiled:
         update_wrapper(self, function)
         self._function, self.machine, self._place = function, machine, place
         self._spent, self._lasts = 0.0, False
-        # types of arguments for which no machine code was found, and how much there was then
-        self._not_kept: dict[tuple[Any, ...], int] = {}
+        # kinds of arguments for which no machine code was found, and how much there was then
+        self._not_kept: dict[object, int] = {}
 
     def __call__(self, *arguments: Any) -> Any:
         if _settings.DISABLE_JIT:
@@ -168,14 +169,13 @@ class Compiled:
         if self._lasts or not self.patient:
             return self.machine(*arguments)
         if self._may_be_kept or self.machine.overloads:  # on the disk, or for another function
-            kinds = tuple(map(self.machine.typeof_pyval, arguments)) if self._not_kept else ()
+            kinds = self._kinds(arguments) if self._not_kept else None
             if self._not_kept.get(kinds) != len(self.machine.overloads):
                 _here.only_kept = True
                 try:
                     return self.machine(*arguments)
                 except _NotKept:
-                    kinds = kinds or tuple(map(self.machine.typeof_pyval, arguments))
-                    self._not_kept[kinds] = len(self.machine.overloads)
+                    self._not_kept[self._kinds(arguments)] = len(self.machine.overloads)
                 finally:
                     _here.only_kept = False
         begun = thread_time()
@@ -183,6 +183,17 @@ class Compiled:
         self._spent += thread_time() - begun
         self.expect(0.0)
         return result
+
+    def _kinds(self, arguments: tuple[Any, ...]) -> object:
+        """Return what numba compiles a version for: the types of the arguments, or a code for them.
+
+        The code is found in a microsecond, and the types of a ``NamedTuple`` of arrays in a tenth
+        of a millisecond. But some types have no code.
+        """
+        try:
+            return compute_fingerprint(arguments)
+        except (NotImplementedError, ValueError):
+            return tuple(map(self.machine.typeof_pyval, arguments))
 
     def expect(self, seconds: float) -> None:
         """Have the next call compiled if past and coming seconds exceed ``_PATIENCE``."""

@@ -62,10 +62,10 @@ def ways_round(t: Floats) -> NDArray[np.int8]:
 
 def marks_of(t: Floats) -> Floats:
     """Return the keys (n,) by which tail sums t (n, p) are sorted; -t has the opposite key."""
-    marks = np.zeros(len(t))
-    for j, weight in enumerate(np.sqrt(np.arange(2.0, t.shape[1] + 2.0))):
-        marks += weight * t[:, j]  # in this order, as ``difference_kernel.mark_of``
-    return marks
+    weights = np.sqrt(np.arange(2.0, t.shape[1] + 2.0))
+    # from the first on, as ``difference_kernel.mark_of`` adds them
+    sums: Floats = np.add.accumulate(weights * t, axis=1)
+    return sums[:, -1] + 0.0  # not -0
 
 
 def whole_numbers(x: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

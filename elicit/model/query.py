@@ -233,27 +233,29 @@ class Query:
 def query_id(fingerprint: str, number: int, left: ArrayLike, right: ArrayLike) -> str:
     """Return the id of a query, as ``Query.make`` sets it."""
     vectors = (np.asarray(vector, dtype=np.float64).ravel() for vector in (left, right))
-    return _hashed(fingerprint, number, *map(whole_numbers, vectors))
+    return _hashed(fingerprint, number, *(_as_bytes(vector[None])[0] for vector in vectors))
 
 
 def query_ids(fingerprint: str, first: int, left: Floats, right: Floats) -> list[str]:
     """Return the ids of queries about vectors left and right (n, k), numbered from ``first``."""
-    sides = (zip(*whole_numbers(vectors), strict=True) for vectors in (left, right))
-    pairs = enumerate(zip(*sides, strict=True), first)
+    pairs = enumerate(zip(_as_bytes(left), _as_bytes(right), strict=True), first)
     return [_hashed(fingerprint, number, *pair) for number, pair in pairs]
 
 
-def _hashed(
-    fingerprint: str, number: int, *vectors: tuple[NDArray[np.int64], NDArray[np.int64]]
-) -> str:
-    """Return a hash of a problem's query by ``whole_numbers`` of its vectors.
+def _as_bytes(vectors: Floats) -> list[bytes]:
+    """Return ``whole_numbers`` of each vector (n, k) as bytes, the same on every machine.
 
     The last bits of the vectors may differ on another machine.
     """
-    digest = hashlib.blake2b(f"{fingerprint}/{number}".encode(), digest_size=8)
-    for numbers, exponent in vectors:
-        digest.update(numbers.astype("<i8").tobytes() + exponent.astype("<u2").tobytes())
-    return digest.hexdigest()
+    numbers, exponents = whole_numbers(vectors)
+    rows = zip(numbers.astype("<i8"), exponents.astype("<u2"), strict=True)
+    return [row.tobytes() + exponent.tobytes() for row, exponent in rows]
+
+
+def _hashed(fingerprint: str, number: int, left: bytes, right: bytes) -> str:
+    """Return a hash of a problem's query by its vectors' bytes."""
+    start = f"{fingerprint}/{number}".encode()
+    return hashlib.blake2b(start + left + right, digest_size=8).hexdigest()
 
 
 @dataclass(frozen=True)

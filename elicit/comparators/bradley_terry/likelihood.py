@@ -28,6 +28,8 @@ _MOST_STEPS = 100
 _BACKTRACKS = 50
 _BLOCK = 2**16  # numbers in a working array that stays in the cache
 _ROWS = 2**11  # answers at once, at most
+_GATHERED = 128  # rows whose products are computed at once
+_KEPT = 2**23  # numbers in products of rows that are kept from step to step, at most
 _SURE = 600.0  # logits that count as infinite: exp overflows not far above
 _NEAR = 1e-3  # gaps this close to 0 (in gaps that total 1) may be held there for a step
 
@@ -44,9 +46,23 @@ class Fit(NamedTuple):
 def sigmoid(z: ArrayLike) -> Floats:
     """Return 1 / (1 + exp(-z)), elementwise, without overflow."""
     logits = np.asarray(z, dtype=np.float64)
-    small = np.exp(-np.abs(logits))
-    out: Floats = np.where(logits >= 0, 1.0, small) / (1.0 + small)
+    return _sigmoid(logits, np.empty_like(logits))[()]
+
+
+def _sigmoid(z: Floats, work: Floats) -> Floats:
+    """Return ``sigmoid`` of z. ``work``, an array of the shape of z, is overwritten."""
+    small = _exp_of_minus_size(z, work)
+    out: Floats = np.where(z >= 0, 1.0, small)
+    small += 1.0
+    out /= small
     return out
+
+
+def _exp_of_minus_size(z: Floats, out: Floats) -> Floats:
+    """Write exp(-|z|) into ``out``, and return it."""
+    np.abs(z, out=out)
+    np.negative(out, out=out)
+    return np.exp(out, out=out)
 
 
 def log_likelihood(gamma: Floats, t: Floats, y: Signs, weights: Floats | float = 1.0) -> Floats:
@@ -68,28 +84,44 @@ def log_likelihood(gamma: Floats, t: Floats, y: Signs, weights: Floats | float =
     m, n = len(gamma), len(t)
     counts, total = np.broadcast_to(weights, (m, n)), np.zeros(m)
     for some in _blocks(m, n):
+        # in place, because new arrays of this size take longer than the sums in them
         z = gamma @ t[some].T
-        terms = (1.0 + y[some]) / 2.0 * z - np.maximum(z, 0.0) - np.log1p(np.exp(-np.abs(z)))
-        total += (counts[:, some] * terms).sum(axis=1)
+        log = _exp_of_minus_size(z, np.empty_like(z))
+        np.log1p(log, out=log)
+        terms = (1.0 + y[some]) / 2.0 * z
+        terms -= np.maximum(z, 0.0, out=z)
+        terms -= log
+        terms *= counts[:, some]
+        total += terms.sum(axis=1)
     return total
 
 
 def derivatives(
-    gamma: Floats, t: Floats, y: Signs, weights: Floats | float = 1.0
+    gamma: Floats,
+    t: Floats,
+    y: Signs,
+    weights: Floats | float = 1.0,
+    outer: Floats | None = None,
 ) -> tuple[Floats, Floats]:
-    """Return the gradient (m, p) and the Hessian (m, p, p) of ``log_likelihood``."""
+    """Return the gradient (m, p) and the Hessian (m, p, p) of ``log_likelihood``.
+
+    ``outer`` is ``outer_rows(t)`` if it is known already.
+    """
     (m, p), n = gamma.shape, len(t)
     counts, gradient, hessian = np.broadcast_to(weights, (m, n)), np.zeros((m, p)), np.zeros((p, p))
     upper = np.zeros((m, p * (p + 1) // 2))
     for some in _blocks(m, n):
-        s = sigmoid(gamma @ t[some].T)
-        gradient += (counts[:, some] * ((1.0 + y[some]) / 2.0 - s)) @ t[some]
-        s *= 1.0 - s
+        z = gamma @ t[some].T
+        s = _sigmoid(z, np.empty_like(z))
+        np.subtract((1.0 + y[some]) / 2.0, s, out=z)
+        z *= counts[:, some]
+        gradient += z @ t[some]
+        s *= np.subtract(1.0, s, out=z)
         s *= counts[:, some]
         if m == 1:  # then one product of matrices takes less time than the products of all rows
             hessian += (t[some] * s[0, :, None]).T @ t[some]
         else:
-            upper += s @ outer_rows(t[some])
+            upper += s @ (outer_rows(t[some]) if outer is None else outer[some])
     return gradient, -(hessian[None] if m == 1 else _symmetric(upper, p))
 
 
@@ -104,11 +136,12 @@ def outer_rows(t: Floats) -> Floats:
 
     The result is (n, p(p+1)/2). With it the Hessians of all resamples are one matrix product.
     """
-    n, p = t.shape
-    products, first = np.empty((n, p * (p + 1) // 2)), 0
-    for j in range(p):
-        np.multiply(t[:, j : j + 1], t[:, j:], out=products[:, first : first + p - j])
-        first += p - j
+    first, second = np.triu_indices(t.shape[1])
+    products = np.empty((len(t), len(first)))
+    for i in range(0, len(t), _GATHERED):
+        some, out = t[i : i + _GATHERED], products[i : i + _GATHERED]
+        np.take(some, first, axis=1, out=out, mode="clip")  # another mode would buffer ``out``
+        out *= some.take(second, axis=1)
     return products
 
 
@@ -134,6 +167,7 @@ class _Problems:
     monotone: bool
     equal: Floats  # (m,) number of ties with a probability of their own
     width: float  # width of such ties, in logits for gaps that total 1
+    outer: Floats | None  # ``outer_rows(x)``, unless they are too many to keep
 
     def loss(self, u: Floats) -> Floats:
         """Return the loss (m,) to minimise: minus the log-likelihood, plus the ridge penalty."""
@@ -147,7 +181,7 @@ class _Problems:
 
     def slopes(self, u: Floats) -> tuple[Floats, Floats]:
         """Return the gradient (m, p) and the Hessian (m, p, p) of the loss."""
-        gradient, hessian = derivatives(u, self.x, self.y, self.weights)
+        gradient, hessian = derivatives(u, self.x, self.y, self.weights, self.outer)
         gradient, hessian = (
             self.strength * (u - self.centre) - gradient,
             self.strength * np.eye(u.shape[1]) - hessian,
@@ -237,7 +271,8 @@ def fit(
         counts = np.concatenate([counts[:, ~tied], counts[:, tied], counts[:, tied]], axis=1)
         y = np.ones(len(t), dtype=np.int8)
     x = precision * t
-    every = _Problems(x, y, counts, centre, strength, monotone, equal, width)
+    outer = outer_rows(x) if m > 1 and len(x) * p * (p + 1) // 2 <= _KEPT else None
+    every = _Problems(x, y, counts, centre, strength, monotone, equal, width, outer)
     first = np.array(np.broadcast_to(centre if start is None else start / precision, (m, p)))
     u, converged = _fit(every, every.project(first))
     return Fit(precision * u, converged)
