@@ -253,9 +253,7 @@ def test_with_a_posterior_changes_are_listed_if_they_hold_with_its_confidence() 
         assert listed
         assert end["sure"].startswith("With 95% probability, your plan falls at most ")
         assert "short of your ideal plan, the one for your exact values." in end["sure"]
-        assert end["size"].startswith(
-            "Your plan could still be worse than your ideal plan, by at most as much as it would "
-        )
+        assert end["size"].startswith("That is at most as much as if ")
 
 
 def test_where_nothing_is_at_stake_nothing_is_asked_and_that_is_said() -> None:

@@ -689,9 +689,12 @@ def test_one_equal_among_consistent_answers_is_believed() -> None:
 @on_any_processor
 @pytest.mark.parametrize("width", [0.02, 0.05, 0.1])
 def test_intervals_hold_for_people_who_call_equal_what_they_are_not_told(width: float) -> None:
-    """Scales of the prior, 25 answers, one in twenty at random; the default ``tie`` is .01."""
+    """Scales of the prior, 25 answers, one in twenty at random; the default ``tie`` is .01.
+
+    Nine in ten are inside by construction, so that of many people as many are but for chance.
+    """
     inside, wrong = [], []
-    for i in range(scaled(8, 40)):
+    for i in range(scaled(8, 160)):
         rng = np.random.default_rng([i, 32])
         g, asked, fresh = drawn_gaps(rng, 4)[0], pairs(rng, 4, 25), pairs(rng, 4, 40)
         true, at = tail_sums(fresh) @ g, tail_sums(asked) @ g
@@ -703,7 +706,9 @@ def test_intervals_hold_for_people_who_call_equal_what_they_are_not_told(width: 
         verdicts = learned.compare(fresh)
         decided = verdicts != Verdict.UNKNOWN
         wrong.append((verdicts != np.sign(true))[decided])
-    assert np.mean(inside) > 0.9
+    of_each = np.mean(inside, axis=1)
+    by_chance = scaled(0.0, 2.0 * float(of_each.std(ddof=1)) / len(of_each) ** 0.5)
+    assert of_each.mean() > 0.9 - by_chance
     assert np.concatenate(wrong).mean() < 0.05
 
 
