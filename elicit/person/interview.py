@@ -532,8 +532,9 @@ class Interview(Closing):
         if conduct.caution() is not None:
             self._chosen.heard = conduct.given
         self._chosen.offered = conduct.put
-        if self._session.question() is None:
-            self._chosen.more = True
+        if self._session.question() is None:  # first until no range is wide, as the result says
+            again, self._chosen.values = self._chosen.values, True
+            self._chosen.more = again or not self._questions.to_narrow()[1]
         return self._screen()
 
     def _settle(self, id: str, choice: str) -> dict[str, Any]:

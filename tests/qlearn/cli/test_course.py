@@ -488,6 +488,11 @@ def test_who_wants_the_values_is_asked_until_no_range_is_wide(until: str, tmp_pa
         assert end["status"] == ("Settled" if not roughly else "Enough for this result")
         kept = [one.metadata.get("choices") for one in log.asked if one.metadata.get("choices")]
         assert kept[-1]["values"] == bool(until)  # so a session that is resumed goes on as far
+        person.screen = interview.handle({"do": "more"})
+        more = person.until("end")["end"]
+        widths = [row["high"] - row["low"] for row in more["scale"]]
+        assert max(widths) <= (5 if until else 41)  # pressed again, as far as questions tell
+        assert more["settled"]
 
 
 def test_taking_back_an_answer_says_what_became_of_the_result() -> None:

@@ -424,7 +424,7 @@ export function mount(root, send, options = {}) {
     who.addEventListener("input", () => (typed.who = who.value));
     const choices = budgets.map((one) => [`${one.minutes}`, `${one.minutes} minutes`, `about ${one.questions} questions`]);
     choices.push(["", "Until the result is settled", "stop any time"]);
-    if (least) choices.push(["values", "Until the values are known, too", "the longest; stop any time"]);
+    if (least) choices.push(["values", "Until the values are known, too", "some more questions, about single levels"]);
     const radios = choices.map(([value, words, label]) => {
       const input = part("input", "", { type: "radio", name: "elicit-budget", value });
       input.checked = value === (typed.minutes ?? "");
