@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 from elicit.model.query import Query
+from elicit.model.scale import Floats
 from elicit.person.asker import Compares
 from elicit.person.course.conclusion import NearlyEnough
 from elicit.person.course.conduct import IN_CONFLICT, ORDER, SETTLED, Conduct
@@ -93,13 +94,17 @@ class NextQuestion:
     def to_narrow(self) -> tuple[int, int]:
         """Return the fewest and the most questions until no level's range is wide.
 
-        They are 0 if the person did not choose to go on so far, or nothing more can be asked.
+        They are 0 if the person did not choose to go on so far, or goes on further, or nothing more
+        can be asked. A posterior is learned again, which takes a while, only where its own ranges
+        are narrow.
         """
-        asker = self._session.current_asker()
-        if not self._chosen.values or not isinstance(asker, Compares):
+        asker, chosen = self._session.current_asker(), self._chosen
+        if not chosen.values or chosen.more or not isinstance(asker, Compares):
             return 0, 0
-        low, high = value_ranges(asker.comparator, draws_again(asker.comparator))
-        left = questions_to_narrow((100.0 * (high - low)).tolist())
+        known = asker.comparator
+        left = _until_narrow(value_ranges(known))
+        if not left[1]:
+            left = _until_narrow(value_ranges(known, draws_again(known)))
         return left if left[1] and self.about_a_level() is not None else (0, 0)
 
     def still_needed(self, conduct: Conduct, id: str) -> tuple[int, int]:
@@ -224,6 +229,12 @@ class NextQuestion:
         if open_still and (found := self.about_a_level(few)) is not None:
             return found
         return self._session.confirming() if needed or self._chosen.more else None
+
+
+def _until_narrow(ranges: tuple[Floats, Floats]) -> tuple[int, int]:
+    """Return ``questions_to_narrow`` for the low and the high ends (k,) of the levels' ranges."""
+    low, high = ranges
+    return questions_to_narrow((100.0 * (high - low)).tolist())
 
 
 def _in_whole_numbers(

@@ -375,7 +375,7 @@ def about_scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> str:
 
 
 def _has_given(rows: Sequence[Mapping[str, Any]]) -> bool:
-    """Return whether some level has a narrower range if no answer is a mistake."""
+    """Return whether the range if no answer is a mistake is known of some level."""
     return any(row.get("given") for row in rows)
 
 

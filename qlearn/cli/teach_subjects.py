@@ -138,7 +138,7 @@ def taught_by(
 
     finer = f"For finer ones start again with --days {2 * days}: what you answered stays."
     names = icu_dose if problem == "icu-sepsis" else mdp.action_name
-    told = InWords(mdp.labels, words, tolerance, legend=legend)
+    told, valued = InWords(mdp.labels, words, tolerance, legend=legend), valuation(mdp)
     if problem == "icu-sepsis":
         told = replace(
             told,
@@ -146,8 +146,8 @@ def taught_by(
             plan="treatment",
             state_words=icu_states(mdp),
             caveat=ICU_CAVEAT,
-            valued=icu_valuation(mdp),
         )
+        valued = icu_valuation(mdp)
     plans = DecidedPlans(mdp, tolerance)
     subject = Subject(
         mdp.labels,
@@ -164,7 +164,7 @@ def taught_by(
             seed,
             ("Tolerance", per_hundred(tolerance)),
             like=like,
-            valued=valuation(told, mdp),
+            valued=valued,
         ),
         enough=partial(policy_holds, told, plans),
         enough_is_slow=True,

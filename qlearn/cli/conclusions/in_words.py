@@ -44,8 +44,6 @@ class InWords:
         What the problem calls an alternative, in the singular, such as "treatment".
     caveat
         A sentence on what a plan must not be taken for, or "".
-    valued
-        Sentences on how a plan is valued, or "" for those that hold for every MDP.
     """
 
     labels: tuple[str, ...]
@@ -57,7 +55,6 @@ class InWords:
     state_words: Callable[[str], str] = str
     alternative: str = "alternative"
     caveat: str = ""
-    valued: str = ""
 
     @property
     def little(self) -> float:

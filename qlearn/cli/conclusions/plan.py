@@ -382,10 +382,8 @@ def policy_stakes(told: InWords, result: Result) -> str | None:
     )
 
 
-def valuation(told: InWords, mdp: OrdinalMDP) -> str:
+def valuation(mdp: OrdinalMDP) -> str:
     """Return sentences on how a policy is valued, from the values of the levels."""
-    if told.valued:
-        return told.valued
     ends = " The condition at the end counts as lasting." if mdp.terminal.any() else ""
     return (
         f"How a plan is valued: by the levels that it leads to, step after step.{ends} Each step "

@@ -626,13 +626,10 @@ export function mount(root, send, options = {}) {
     const { budgets, settled, ready } = prospects;
     const all = [...body.querySelectorAll("input[name='elicit-budget']")];
     const chosen = all.findIndex((one) => one.checked);
-    if (all[chosen]?.value === "values") {
-      say(place, AND_VALUES);
-      return;
-    }
-    const found = all[chosen]?.value === "" ? settled : budgets[chosen];
+    const value = all[chosen]?.value;
+    const found = value === "" ? settled : budgets[chosen];
     const none = ready ? (budgets.length || settled ? "" : UNFORESEEN) : "Trying to foresee how far each choice of time gets\u00a0...";
-    say(place, found ? `${found} ${SIMULATED}` : none);
+    say(place, value === "values" ? AND_VALUES : found ? `${found} ${SIMULATED}` : none);
   }
 
   function end() {
