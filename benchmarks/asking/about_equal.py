@@ -135,7 +135,7 @@ def report(problems: int) -> Iterator[list[str]]:
         "differ by no more than the third column (0: never). *Questions* and *of them equal* are "
         "means with 95% t-intervals, and *most* is the largest number of questions. *Bound* is the "
         "median `loss_bound`, and *loss* the greatest true loss at the worst state, both as shares "
-        "of the value range. *Broken* counts the runs whose true loss exceeds their bound. The "
+        "of the value range. *Violated* counts the runs whose true loss exceeds their bound. The "
         "bounds have confidence 1 with the polytope and 95% with the posterior.",
         "",
     ]
