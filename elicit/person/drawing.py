@@ -499,8 +499,8 @@ class Drawing:
     def _is_enough(self, conduct: Conduct) -> bool:
         """Return whether there are answers and checks enough to call a result settled."""
         over = self._session.question() is None
-        # who asked for more after the last question may stop at any time
-        enough = over or (self._chosen.more and conduct.with_verdict >= self._subject.least)
+        # whoever wants more than the result may stop at any time once it has all it needs
+        enough = over or self._questions.only_values(conduct)
         return enough and (conduct.passed or not conduct.differed)
 
     def _remarks(self) -> list[str]:

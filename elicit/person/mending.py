@@ -14,7 +14,7 @@ from elicit.person.asker import Compares
 from elicit.person.course.conduct import IN_CONFLICT, ORDER, differs, was_settled
 from elicit.person.course.counts import KEPT, status_of
 from elicit.person.course.kept_in_log import Choices
-from elicit.person.course.level_questions import NARROW, WIDE, purpose_of
+from elicit.person.course.level_questions import purpose_of
 from elicit.person.drawing import Drawing
 from elicit.person.session import Session
 from elicit.person.showing import Subject, printable, shown_of
@@ -99,8 +99,7 @@ class Mending:
         if self._session.next_told() is not None or not isinstance(asker, Compares):
             return ""
         labels = [printable(label) for label in self._subject.labels]
-        until = NARROW if self._chosen.more else WIDE if self._chosen.values else None
-        return purpose_of(query, asker.comparator, labels, until)
+        return purpose_of(query, asker.comparator, labels, self._chosen.width)
 
     def conflict(self) -> dict[str, Any] | None:
         """Return the conflict that the last answer is part of, unless the person left it."""

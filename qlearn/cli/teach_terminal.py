@@ -20,6 +20,8 @@ from elicit.person.showing import NARROWEST, Choice, printable
 from elicit.tutors.log_file import BadLog
 from qlearn.cli.options import fail
 
+Until = Literal["values", "settled"]
+"""When the questions end: once every value is known, or once the result is settled."""
 _Key = Choice | Literal["undo", "why", "finish", "quit"]
 _MEANS: dict[str, _Key] = {
     "a": "a",
@@ -47,13 +49,18 @@ class Terminal:
     """A session with the person at standard input.
 
     again: the command that resumes the session. questions: how many the person has time for, if
-    they say.
+    they say. until: when the questions end; None for "values", or as the log says.
     """
 
     def __init__(
-        self, session: Session, subject: Subject, again: str, questions: int | None = None
+        self,
+        session: Session,
+        subject: Subject,
+        again: str,
+        questions: int | None = None,
+        until: Until | None = None,
     ) -> None:
-        self._questions = questions
+        self._questions, self._until = questions, until
         self._interview, self._log, self._again = Interview(session, subject), session.log, again
         self._finer = subject.finer
         self._width = min(max(shutil.get_terminal_size().columns, NARROWEST), _WIDEST)
@@ -87,9 +94,11 @@ class Terminal:
             self._say(screen["note_beside"])
         if screen["answered"]:
             self._say(f"Going on after {in_answers(screen['answered'])}.")
-            if self._questions is not None:
-                further = screen["answered"] + self._questions
-                screen = self._handle("start", budget=f"{further}")
+            if self._questions is not None or self._until is not None:
+                further = screen["answered"] + self._questions if self._questions else ""
+                screen = self._handle(
+                    "start", budget=f"{further}", until=self._until or screen["until"]
+                )
         while True:
             if screen["note"]:
                 self._say(screen["note"])
@@ -99,7 +108,8 @@ class Terminal:
             match screen["stage"]:
                 case "welcome":
                     self._welcome(screen["welcome"])
-                    screen = self._handle("start", budget=f"{self._questions or ''}")
+                    until = self._until or "values"
+                    screen = self._handle("start", budget=f"{self._questions or ''}", until=until)
                     continue
                 case "practice":
                     self._say("\nPractice question: your answer is not saved.\n")

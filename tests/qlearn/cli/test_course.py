@@ -101,23 +101,28 @@ class Person:
         return self.screen
 
 
-def interviewed(says: Says, log: AnswerLog | None = None, **how: Any) -> Any:
-    """The screen at the end of an interview, and the stages on the way there."""
-    told = taught()
+def interviewed(says: Says, log: AnswerLog | None = None, until: str = "", **how: Any) -> Any:
+    """The screen at the end of an interview, and the stages on the way there.
+
+    With ``until`` the person wants the values, too.
+    """
+    told = taught("posterior" if until else "polytope")
     with (
         Session(told.make, log if log is not None else AnswerLog(), audit=0.1) as session,
         Interview(session, told.subject) as interview,
     ):
         person = Person(interview, says, **how)
+        person.screen = interview.handle({"do": "start", "until": until})
         person.until("end", MOST)
         while person.screen["stage"] == "conflict":  # which the last answer may have made
             person.step()
         return person.screen, person.stages
 
 
+@pytest.mark.parametrize("until", ["", "values"])
 @pytest.mark.parametrize("choice", ALIKE)
-def test_one_who_always_says_the_same_gets_an_end_that_says_so(choice: str) -> None:
-    screen, stages = interviewed(lambda _: choice)
+def test_one_who_always_says_the_same_gets_an_end_that_says_so(choice: str, until: str) -> None:
+    screen, stages = interviewed(lambda _: choice, until=until)
     assert screen["stage"] == "end"
     assert stages.count("question") <= MOST
     assert screen["end"]["caution"]
@@ -487,7 +492,9 @@ def test_who_wants_the_values_is_asked_until_no_range_is_wide(until: str, tmp_pa
         assert roughly == (widest > 40)
         assert end["status"] == ("Settled" if not roughly else "Enough for this result")
         kept = [one.metadata.get("choices") for one in log.asked if one.metadata.get("choices")]
-        assert kept[-1]["values"] == bool(until)  # so a session that is resumed goes on as far
+        assert kept[-1]["width"] == (
+            40 if until else None
+        )  # so a session that is resumed goes on as far
         person.screen = interview.handle({"do": "more"})
         more = person.until("end")["end"]
         widths = [row["high"] - row["low"] for row in more["scale"]]
@@ -673,6 +680,25 @@ def test_the_welcome_says_what_each_budget_will_likely_prove() -> None:
             r"Half of the simulated sessions took at most \d+ questions, about \d+ minutes?\.",
             found["settled"],
         )
+        assert re.fullmatch(
+            r"That mostly takes \d+ to \d+ questions, about \d+ to \d+ minutes\.", found["values"]
+        )
+
+
+@pytest.mark.parametrize("seed", quick_first(range(6), 2))
+def test_most_learn_their_values_in_as_many_questions_as_the_welcome_says(seed: int) -> None:
+    told, of = taught("posterior"), np.random.default_rng(seed)
+    with (
+        Session(told.make, AnswerLog(), audit=0.1, seed=seed) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        person = Person(interview, truthful(np.sort(np.r_[0, of.random(3), 1])))
+        said = interview.handle({"do": "prospects"})["values"]
+        least, most = map(int, re.findall(r"\d+", said)[:2])
+        person.screen = interview.handle({"do": "start", "until": "values"})
+        end = person.until("end")
+        assert least <= end["answered"] <= most
+        assert max(row["high"] - row["low"] for row in end["end"]["scale"]) <= 41
 
 
 @pytest.mark.slow

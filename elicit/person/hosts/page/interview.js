@@ -423,11 +423,12 @@ export function mount(root, send, options = {}) {
     who.disabled = Boolean(known); // the log is this person's
     who.addEventListener("input", () => (typed.who = who.value));
     const choices = budgets.map((one) => [`${one.minutes}`, `${one.minutes} minutes`, `about ${one.questions} questions`]);
-    choices.push(["", "Until the result is settled", "stop any time"]);
-    if (least) choices.push(["values", "Until the values are known, too", "some more questions, about single levels"]);
+    choices.push([SETTLED, "Until the result is settled", "fewer questions; some values may stay unknown"]);
+    if (least) choices.unshift([VALUES, "Until the values are known, too", "the usual choice; stop any time"]);
+    const usual = least ? VALUES : SETTLED;
     const radios = choices.map(([value, words, label]) => {
       const input = part("input", "", { type: "radio", name: "elicit-budget", value });
-      input.checked = value === (typed.minutes ?? "");
+      input.checked = value === (typed.minutes ?? usual);
       input.setAttribute("aria-describedby", "elicit-likely");
       input.addEventListener("change", () => {
         typed.minutes = value;
@@ -439,9 +440,9 @@ export function mount(root, send, options = {}) {
     // the forecast of the chosen time is below Start, which so does not move when it comes or changes
     const likely = part("p", "soft small likely", { id: "elicit-likely" });
     const start = () => {
-      const time = body.querySelector("input[name='elicit-budget']:checked")?.value ?? "";
-      const until = time === "values" ? time : "";
-      show({ do: "start", who: who.value, minutes: until ? "" : time, until }, "The interview has not started yet.");
+      const time = body.querySelector("input[name='elicit-budget']:checked")?.value ?? usual;
+      const chosen = [VALUES, SETTLED].includes(time) ? { minutes: "", until: time } : { minutes: time, until: SETTLED };
+      show({ do: "start", who: who.value, ...chosen }, "The interview has not started yet.");
     };
     const says = [
       ["You compare.", `${compare} There is no right or wrong answer.`],
@@ -623,13 +624,13 @@ export function mount(root, send, options = {}) {
   function sayLikely() {
     const place = body.querySelector(".likely");
     if (!place || !prospects) return;
-    const { budgets, settled, ready } = prospects;
-    const all = [...body.querySelectorAll("input[name='elicit-budget']")];
-    const chosen = all.findIndex((one) => one.checked);
-    const value = all[chosen]?.value;
-    const found = value === "" ? settled : budgets[chosen];
+    const { budgets, settled, values, ready } = prospects;
+    const value = body.querySelector("input[name='elicit-budget']:checked")?.value;
+    const at = screen.welcome.budgets.findIndex((one) => `${one.minutes}` === value);
+    const found = value === VALUES ? values : value === SETTLED ? settled : budgets[at];
     const none = ready ? (budgets.length || settled ? "" : UNFORESEEN) : "Trying to foresee how far each choice of time gets\u00a0...";
-    say(place, value === "values" ? AND_VALUES : found ? `${found} ${SIMULATED}` : none);
+    const goal = value === VALUES ? `${AND_VALUES} ` : "";
+    say(place, `${goal}${found ? `${found} ${SIMULATED}` : none}`.trim());
   }
 
   function end() {
@@ -909,7 +910,9 @@ const BARS = "These numbers are too large to draw circles, so the length of a ba
 const ROSE = " (more than expected)";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
 const UNFORESEEN = "How far each choice of time gets cannot be foreseen here. You will see it as you go.";
-const AND_VALUES = "After the result is settled, questions about the levels follow, until the range of each is no wider than 40 of 100.";
+const VALUES = "values"; // choices of time that are no minutes
+const SETTLED = "settled";
+const AND_VALUES = "Once the result is settled, questions about single levels follow, until the value of each is known to within 40 of 100.";
 const MEANT = "If no answer is a mistake"; // head of a column
 const MISTAKES = "Allowing for mistakes"; // head of the column beside it
 const GIVEN = "It was given when the program was started.";
