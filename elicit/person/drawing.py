@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from elicit._support.distribution import version
-from elicit.model.comparator_parts import trusted_share
+from elicit.model.comparator_parts import tie_of, trusted_share
 from elicit.model.query import Verdict
 from elicit.person.asker import Compares, Supposed
 from elicit.person.course.conclusion import (
@@ -452,7 +452,9 @@ class Drawing:
             else None,
             "scale": scale,
             "by_chance": conduct.by_chance if subject.least else "",
-            "scale_notes": [] if known is None else scale_notes(rows, known, settled, as_given),
+            "scale_notes": []
+            if known is None
+            else scale_notes(rows, known, settled, as_given, self._about_equal()),
             "certainty": None
             if known is None
             else f"{certainty(known)}{'' if caution is None else f', {_IF_MEANT}'}",
@@ -484,6 +486,15 @@ class Drawing:
         """Return the rows of the scale if each answer is as given; none if that cannot be."""
         given = self._session.as_given()
         return [] if given is None else scale_rows(given, self._subject.labels, self._session.log)
+
+    def _about_equal(self) -> float:
+        """Return within which share of the value range things called equal are taken to be.
+
+        The result is 0 if nothing was called equal, or nothing is known if each answer is as given.
+        """
+        given, log = self._session.as_given(), self._session.log
+        called = any(one.used and one.answer.verdict is Verdict.EQUAL for one in log)
+        return tie_of(given) if called and given is not None else 0.0
 
     def is_settled(self) -> bool:
         """Return ``settled`` of the screen at the end, without drawing the rest of it."""
