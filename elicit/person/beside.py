@@ -34,16 +34,14 @@ from elicit.person.session import Session
 from elicit.person.showing import Shown, Subject, shown_of
 from elicit.tutors.answer_log import REPEATS
 
-_CHECK = "Some questions check earlier answers. They show how far your answers can be relied on."
+_CHECK = "Some questions check your answers. They show how far these can be relied on."
 _ORDER = "This question checks that you see the levels in the order in which they are listed."
 _FEWEST = (
     "“At least {n} more” are the answers and checks without which no result is called settled."
 )
 _AFTER_THESE = "How many follow after them depends on what you answer, and cannot be said yet."
-_ROSE = (
-    "More questions are likely than it seemed before, because your last answers left more open "
-    "than expected."
-)
+_ROSE = "your last answers left more open"
+_ROSE_BY_CHECK = "two answers differed, so a few more are checked"
 _NO_FORECAST = (
     "How many more questions follow depends on what you answer, and cannot be said yet. You can "
     "finish at any time."
@@ -254,6 +252,7 @@ class Beside(Closing):
         self._to_narrow = 0, 0
         self._no_others = False  # but those that are needed
         self._may_change = False  # true if the answer to this question may make others needed
+        self._differed = False  # the last answer from the one that it repeats
         self._reason = ""  # for this question, if its card says why it comes
         self._needed = (0, 0)  # answers and checks that must still come after this question
 
@@ -408,6 +407,8 @@ class Beside(Closing):
             go on so far.
         """
         self._reason = reason
+        if conduct.put != self._conduct.put:
+            self._differed = conduct.differed > self._conduct.differed
         self._conduct, self._needed, self._no_others = conduct, needed, no_others
         session, subject, now = self._session, self._subject, self._beside
         self._may_change = not (session.is_repeat(shown.id) or shown.id.startswith(ORDER))
@@ -549,7 +550,7 @@ class Beside(Closing):
         to_come, least = self._to_come(played), sum(self._needed)
         near = to_come is not None and self._is_near_end(to_come, likely)
         rose = to_come is not None and self._left.rose
-        said = _ROSE if rose else ""
+        said = (_ROSE_BY_CHECK if self._differed else _ROSE) if rose else ""
         if to_come is None and self._subject.least:
             said = f"{_FEWEST.format(n=least)} {_AFTER_THESE}" if least else _NO_FORECAST
         return {

@@ -29,10 +29,10 @@ from elicit.person.course import offers
 from elicit.person.course.conduct import Conduct
 from elicit.person.course.counts import Counts, number_of
 from elicit.person.course.kept_in_log import CHOICES, START, Choices
-from elicit.person.course.level_questions import NARROW, WIDE
+from elicit.person.course.level_questions import FURTHER, NARROW, WIDE
 from elicit.person.course.pace import FEW_HASTY, Pace
 from elicit.person.drawing import Drawing
-from elicit.person.mending import IMPLIED, Mending
+from elicit.person.mending import Mending
 from elicit.person.next_question import NextQuestion
 from elicit.person.session import Session
 from elicit.person.showing import Shown, drawn, legend_of, practice, printable, said_of, shown_of
@@ -320,9 +320,8 @@ class Interview(Closing):
         self.shown = shown_now
         needed = self._questions.still_needed(conduct, shown_now.id)
         near, only = self._questions.nearness(conduct), self._questions.only_checks()
-        left = 1 + needed[1] if only and not needed[0] else 0
-        check = self._mending.check(query, left)
-        reason = IMPLIED if check == IMPLIED else ""
+        check = self._mending.note(query)
+        reason = FURTHER if self._mending.is_implied(query) else ""
         narrow = self._questions.to_narrow()
         self._beside.accompany(shown_now, conduct, needed, only, near, reason, narrow)
         return {

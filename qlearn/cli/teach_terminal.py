@@ -227,7 +227,7 @@ class Terminal:
             self._say("It is there to try the keys.")
             return
         beside = self._handle("outlook", id=screen["question"]["id"])
-        for sentence in (*beside["why"], beside["forecast"]):
+        for sentence in (*beside["why"], "" if beside["rose"] else beside["forecast"]):
             if sentence:
                 self._say(printable(sentence))
         if not beside["ready"] and not beside["why"]:
@@ -244,7 +244,7 @@ class Terminal:
             return " (close to the end)"
         if beside["near"]:
             return f" (probably close to the end, at most about {most} more)"
-        rose = ", more than it seemed before" if beside["rose"] else ""
+        rose = f": {beside['forecast']}" if beside["rose"] else ""
         return f" (about {f'{least} to {most}' if least < most else most} more{rose})"
 
     def _report(self, screen: dict[str, Any]) -> None:

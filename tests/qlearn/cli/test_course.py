@@ -199,7 +199,7 @@ def test_after_few_answers_only_what_holds_for_every_plausible_scale_is_claimed(
         scales = plausible(session, scaled(60, 400))
         assert len(scales) > 20
         bound = re.search(
-            r"It could still fall ([\d.]+) in 100 short of your ideal plan\.", end["headline"]
+            r"So far your plan comes within ([\d.]+) in 100 of your ideal plan\.", end["headline"]
         )
         assert (bound is None) == (answers == 0)
         plan = np.array([int(row["action"]) for row in interview.table("plan")])
@@ -258,7 +258,9 @@ def test_with_a_posterior_changes_are_listed_if_they_hold_with_its_confidence() 
         assert listed
         assert end["sure"].startswith("With 95% probability, your plan falls at most ")
         assert "short of your ideal plan, the one for your exact values." in end["sure"]
-        assert end["size"].startswith("That is at most as much as if ")
+        assert end["size"].startswith(
+            "Your plan could still be worse than your ideal plan, by at most as much as if "
+        )
 
 
 def test_where_nothing_is_at_stake_nothing_is_asked_and_that_is_said() -> None:
@@ -455,6 +457,7 @@ def test_after_the_end_more_is_asked_and_who_takes_answers_back_hears_if_it_is_s
         def widths(end: dict[str, Any]) -> float:
             return sum(float(row["high"] - row["low"]) for row in end["scale"])
 
+        assert after["counts"]["repeated"] > before["counts"]["repeated"]  # these are checked, too
         assert before["settled"]
         assert widths(after) < widths(before)
         assert after["settled"]

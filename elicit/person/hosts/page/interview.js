@@ -473,7 +473,7 @@ export function mount(root, send, options = {}) {
   }
 
   const fewest = (least) =>
-    least ? `We ask at least ${least} questions, checks of earlier answers included, before we call the result settled.` : "";
+    least ? `We ask at least ${least} questions, checks of earlier answers included, before we call the result settled. Some questions come a second time, which shows how steady answers are.` : "";
 
   function question() {
     const asked = screen.question;
@@ -596,7 +596,7 @@ export function mount(root, send, options = {}) {
     const sooner = screen.time.planned && (!beside.to_come || screen.budget - screen.answered <= beside.to_come[1]);
     progress.lastChild.textContent = sooner
       ? planned(screen.time, screen.saved, screen.budget - screen.answered)
-      : `${toCome(beside.to_come, screen.time.pace, beside.at_least, beside.near)}${beside.rose ? ROSE : ""}`;
+      : `${toCome(beside.to_come, screen.time.pace, beside.at_least, beside.near)}${beside.rose ? `: ${beside.forecast}` : ""}`;
     fill(beside);
     steady(); // the words in the head may be two lines now
     const why = body.querySelector(".why");
@@ -604,8 +604,8 @@ export function mount(root, send, options = {}) {
     const said = beside.why.length || beside.ready ? beside.why : ["Still being worked out ..."];
     const unsaid = said.filter((line) => !screen.question.check.includes(line)); // the note above says the others
     const lines = said.length ? unsaid : ["Its answer tells most about what is still open."];
-    const all = [...lines, beside.forecast].filter(Boolean);
-    why?.toggleAttribute("hidden", !all.length);
+    const all = [...lines, beside.rose ? "" : beside.forecast].filter(Boolean);
+    if (!all.length) all.push("The note above the question says why.");
     why?.append(...all.map((line) => part("p", "", {}, [line])));
   }
 
@@ -907,7 +907,6 @@ const RESULT = { words: "Working out your result ...", after: 50 };
 const PREPARING = "This takes a few seconds. The first start on a computer compiles, which takes up to two minutes.";
 const TRY = "Practice question: your answer is not saved.";
 const BARS = "These numbers are too large to draw circles, so the length of a bar shows how many.";
-const ROSE = " (more than expected)";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
 const UNFORESEEN = "How far each choice of time gets cannot be foreseen here. You will see it as you go.";
 const VALUES = "values"; // choices of time that are no minutes
