@@ -1300,7 +1300,7 @@ def test_what_was_typed_on_the_welcome_stays_there(windows: Windows) -> None:
     with served(windows.log, words=replace(WORDS, duration="Each for a year."), least=1) as server:
         page = windows.open(server)
         at(page, "Welcome")
-        assert page.get_by_label("Until the values are known, too").is_checked()
+        assert page.get_by_label("Until your values are known").is_checked()
         page.fill("#elicit-who", "Ann")
         page.get_by_label("10 minutes").check()
         for leave in (lambda: page.keyboard.press("Escape"), page.go_back):
