@@ -342,22 +342,28 @@ class Drawing:
                 for number, entry in numbered(self._session.log)
             ]
         if what == "scale":
-            return [
-                {
-                    "level": row["label"],
-                    "value": round(row["value"], 2) if row["known"] or row["rough"] else None,
-                    "low": row["low"],
-                    "high": row["high"],
-                    "asked": row["asked"],
-                    "known": row["known"],
-                }
-                for row in self.end(False)["scale"]
-            ]
+            return [self._scale_row(row) for row in self.end(False)["scale"]]
         concluded = self._concluded()
         found = concluded.result if what == "plan" else concluded.outcomes
         if found is None:
             return []
         return [dict(zip(found.columns, row, strict=True)) for row in found.rows]
+
+    def _scale_row(self, row: dict[str, Any]) -> dict[str, Any]:
+        """Return a level as a row to keep, with the name of the person and of the problem."""
+        given = row["given"] or (None, None)
+        return {
+            "who": printable(self._session.who or "") or None,
+            "problem": printable(self._subject.words.title),
+            "level": row["label"],
+            "value": round(row["value"], 2) if row["known"] or row["rough"] else None,
+            "low": row["low"],
+            "high": row["high"],
+            "low_if_no_mistake": given[0],
+            "high_if_no_mistake": given[1],
+            "asked": row["asked"],
+            "known": row["known"],
+        }
 
     def _concluded(self) -> Conclusion:
         start = self._questions.at_start()
