@@ -332,8 +332,8 @@ class Beside(Closing):
         least, most = (1 + n for n in self._until_enough((0, 0), to_narrow))
         pace = self._pace
         return (
-            f"That mostly takes {least} to {most} questions, about {pace.minutes_for(least)} to "
-            f"{in_minutes(pace.minutes_for(most))}."
+            f"In all it mostly takes {least} to {most} questions, about "
+            f"{pace.minutes_for(least)} to {in_minutes(pace.minutes_for(most))}."
         )
 
     def weigh(self, conflict: Mapping[str, Any]) -> None:

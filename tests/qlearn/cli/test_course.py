@@ -684,7 +684,8 @@ def test_the_welcome_says_what_each_budget_will_likely_prove() -> None:
             found["settled"],
         )
         assert re.fullmatch(
-            r"That mostly takes \d+ to \d+ questions, about \d+ to \d+ minutes\.", found["values"]
+            r"In all it mostly takes \d+ to \d+ questions, about \d+ to \d+ minutes\.",
+            found["values"],
         )
 
 
