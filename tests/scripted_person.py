@@ -12,19 +12,25 @@ from pathlib import Path
 
 from tests.interpreter import ROOT
 
+_TEACH = ("-m", "qlearn", "teach")
+
 
 class Teach:
     """The command, or another program, with these options, run in a folder, and what it has shown
     so far.
+
+    The person wants the result only, unless an option says how far the questions go.
     """
 
     def __init__(
         self,
         folder: Path,
         *options: str,
-        program: Sequence[str] = ("-m", "qlearn", "teach"),
+        program: Sequence[str] = _TEACH,
         columns: int = 80,
     ) -> None:
+        if program == _TEACH and not {"--until", "--web"} & {*options}:
+            options = ("--until", "settled", *options)
         more = {
             "COLUMNS": f"{columns}",
             "PYTHONPATH": str(ROOT),

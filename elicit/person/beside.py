@@ -34,16 +34,14 @@ from elicit.person.session import Session
 from elicit.person.showing import Shown, Subject, shown_of
 from elicit.tutors.answer_log import REPEATS
 
-_CHECK = "Some questions check earlier answers. They show how far your answers can be relied on."
+_CHECK = "Some questions check your answers. They show how far these can be relied on."
 _ORDER = "This question checks that you see the levels in the order in which they are listed."
 _FEWEST = (
     "“At least {n} more” are the answers and checks without which no result is called settled."
 )
 _AFTER_THESE = "How many follow after them depends on what you answer, and cannot be said yet."
-_ROSE = (
-    "More questions are likely than it seemed before, because your last answers left more open "
-    "than expected."
-)
+_ROSE = "your last answers left more open"
+_ROSE_BY_CHECK = "two answers differed, so a few more are checked"
 _NO_FORECAST = (
     "How many more questions follow depends on what you answer, and cannot be said yet. You can "
     "finish at any time."
@@ -238,12 +236,13 @@ class Beside(Closing):
         self._background = Background(company.turns)
         self._beside: _Computed | None = None
         self._prospects: Prospects | None = None
+        self._values = ""  # how many questions until no level's range is wide, in words
         self._pace = Pace()  # then: without the lock the log must not be read
         self._weighed: Consequences[Supposed] | None = None
         self._since: list[Verdict | None] = []  # verdicts since then
         self._conduct = Conduct.of(())  # before this question
         self._left = QuestionsLeft()
-        self._asks_more = chosen.more
+        self._all_told = chosen.all_told
         self._stated = Stated()
         self._near: bool | None = None  # at the last question that has notes
         self._results: tuple[tuple[Asker, Any], ...] = ()  # after the last answer
@@ -253,6 +252,7 @@ class Beside(Closing):
         self._to_narrow = 0, 0
         self._no_others = False  # but those that are needed
         self._may_change = False  # true if the answer to this question may make others needed
+        self._differed = False  # the last answer from the one that it repeats
         self._reason = ""  # for this question, if its card says why it comes
         self._needed = (0, 0)  # answers and checks that must still come after this question
 
@@ -268,8 +268,17 @@ class Beside(Closing):
         """Stop the present computation, and wait until its thread has ended."""
         self._background.close()
 
-    def foresee(self) -> None:
-        """Start to compute what each planned number of questions is likely to prove."""
+    def foresee(self, needed: tuple[int, int], to_narrow: tuple[int, int]) -> None:
+        """Start to compute what each planned number of questions is likely to prove.
+
+        Parameters
+        ----------
+        needed : (2,) int
+            Numbers of answers, and of checks, that must come after the first question.
+        to_narrow : (2,) int
+            The fewest and the most questions until no level's range is wide.
+        """
+        self._values = self._until_values(needed, to_narrow)
         if self._prospects is None and (twin := self._session.twin()) is not None:
             self._pace = pace = Pace.of(self._session.log)
             numbers = [pace.questions_in(minutes) for minutes in MINUTES]
@@ -288,10 +297,10 @@ class Beside(Closing):
         """
         now = self._prospects
         if now is None:
-            return {"budgets": [], "settled": "", "ready": True}
+            return {"budgets": [], "settled": "", "values": self._values, "ready": True}
         # once the person has started, the computation is given up
-        ready, length = now.ready or started, now.length()
-        settled = ""
+        ready = now.ready or started
+        length, settled = now.length(), ""
         if length is not None:
             most = max(length, self._subject.least + LEAST_CHECKS)
             settled = (
@@ -301,8 +310,31 @@ class Beside(Closing):
         return {
             "budgets": [self._drawing.in_prospect(found) for found in now.found()],
             "settled": settled,
+            "values": self._values,
             "ready": ready,
         }
+
+    def _until_values(self, needed: tuple[int, int], to_narrow: tuple[int, int]) -> str:
+        """Return a sentence on how many questions it takes until no level's range is wide, or "".
+
+        The numbers are those of ``accompany``, for the first question.
+        """
+        if not to_narrow[1] or not self._subject.least:
+            return ""
+        self._conduct, self._needed, self._levels_left = Conduct.of(()), needed, None
+        asker, subject = self._session.current_asker(), self._subject
+        if (
+            subject.enough is not None
+            and not subject.enough_is_slow
+            and isinstance(asker, Compares)
+        ):
+            self._levels_left = questions_left(asker.comparator)
+        least, most = (1 + n for n in self._until_enough((0, 0), to_narrow))
+        pace = self._pace
+        return (
+            f"In all it mostly takes {least} to {most} questions, about "
+            f"{pace.minutes_for(least)} to {in_minutes(pace.minutes_for(most))}."
+        )
 
     def weigh(self, conflict: Mapping[str, Any]) -> None:
         """Start to compute the result of each choice in a conflict."""
@@ -375,11 +407,13 @@ class Beside(Closing):
             go on so far.
         """
         self._reason = reason
+        if conduct.put != self._conduct.put:
+            self._differed = conduct.differed > self._conduct.differed
         self._conduct, self._needed, self._no_others = conduct, needed, no_others
         session, subject, now = self._session, self._subject, self._beside
         self._may_change = not (session.is_repeat(shown.id) or shown.id.startswith(ORDER))
         asker = session.current_asker()
-        enough, more = subject.enough, self._chosen.more
+        enough, more = subject.enough, self._chosen.all_told
         if not subject.least or (subject.enough_is_slow and session.next_told() is not None):
             enough = None
         asks_on = enough is not None and not enough(session.result())
@@ -420,7 +454,7 @@ class Beside(Closing):
     def to_come(self) -> tuple[int, int] | None:
         """Return the range of questions left after the last one, or None if it is not known."""
         outlook = None if self._beside is None else self._beside.outlook
-        if outlook is None or outlook.to_come is None or self._chosen.more:
+        if outlook is None or outlook.to_come is None or self._chosen.all_told:
             return None
         found = self._to_come(outlook.to_come)
         return None if found is None else (found[0], found[1])
@@ -489,7 +523,7 @@ class Beside(Closing):
         now = self._beside
         outlook = now.outlook if now is not None and now.shown == id else None
         if outlook is None:
-            settled = self._chosen.more or self._to_narrow[1]
+            settled = self._chosen.all_told or self._to_narrow[1]
             why = [FURTHER] if id.startswith(LEVEL) and not settled else []
             why = [self._reason] if self._reason else why
             why = [_CHECK] if id.endswith(AGAIN) else why
@@ -516,7 +550,7 @@ class Beside(Closing):
         to_come, least = self._to_come(played), sum(self._needed)
         near = to_come is not None and self._is_near_end(to_come, likely)
         rose = to_come is not None and self._left.rose
-        said = _ROSE if rose else ""
+        said = (_ROSE_BY_CHECK if self._differed else _ROSE) if rose else ""
         if to_come is None and self._subject.least:
             said = f"{_FEWEST.format(n=least)} {_AFTER_THESE}" if least else _NO_FORECAST
         return {
@@ -529,7 +563,7 @@ class Beside(Closing):
 
     def _is_near_end(self, to_come: list[int], likely: int | None) -> bool:
         """Return whether the end is close in half of the sessions simulated from here on."""
-        if likely is None or self._chosen.more or not to_come[0] <= _NEAR < to_come[1]:
+        if likely is None or self._chosen.all_told or not to_come[0] <= _NEAR < to_come[1]:
             return False
         further = 0 if self._levels_left is None else self._levels_left[0]
         further = max(further, self._to_narrow[0])
@@ -558,23 +592,16 @@ class Beside(Closing):
             most = least if certain else least + _UNTIL_SURE
             shown = self._left.shown((least, most), put, least, certain)
             return None if shown is None else [*shown]
-        if self._chosen.more != self._asks_more:  # what was shown before was about less
-            self._asks_more, self._left = self._chosen.more, QuestionsLeft()
+        if self._chosen.all_told != self._all_told:  # what was shown before was about less
+            self._all_told, self._left = self._chosen.all_told, QuestionsLeft()
         found, rough, wide = None, False, self._to_narrow
-        if self._chosen.more:
+        if self._chosen.all_told:
             if self._levels_left is None:
                 return None
             fewest, most = (self._with_checks(max(0, n - 1)) for n in self._levels_left)
             found = fewest, most
         elif played is not None or self._levels_left is not None or wide[1]:
-            further = 0
-            if self._subject.least and self._subject.enough_is_slow:
-                further = _UNTIL_SETTLED
-            elif self._levels_left is not None:
-                further = self._levels_left[0] + _UNTIL_SURE
-            fewest, most = (0, 0) if played is None else played
-            both = max(self._needed[0], fewest), max(self._needed[0], most) + further
-            found = self._with_checks(both[0] + wide[0]), self._with_checks(both[1] + wide[1])
+            found = self._until_enough((0, 0) if played is None else played, wide)
             if self._prospects is not None and not wide[1]:
                 cap = max(self._prospects.questions[-1] - put - 1, found[0])
                 found = found[0], min(found[1], cap)
@@ -588,6 +615,20 @@ class Beside(Closing):
             rough = True
         shown = self._left.shown(found, put, least, rough=rough)
         return None if shown is None else [*shown]
+
+    def _until_enough(self, played: tuple[int, int], wide: tuple[int, int]) -> tuple[int, int]:
+        """Return a range of the questions to come until the result is settled and no range wide.
+
+        Checks are among them. ``played`` is that of ``_to_come``, and ``wide`` has the questions
+        until no range is wide.
+        """
+        further = 0
+        if self._subject.least and self._subject.enough_is_slow:
+            further = _UNTIL_SETTLED
+        elif self._levels_left is not None:
+            further = self._levels_left[0] + _UNTIL_SURE
+        fewest, most = max(self._needed[0], played[0]), max(self._needed[0], played[1]) + further
+        return self._with_checks(fewest + wide[0]), self._with_checks(most + wide[1])
 
 
 def in_minutes(n: int) -> str:

@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from elicit._support.distribution import version
-from elicit.model.comparator_parts import trusted_share
+from elicit.model.comparator_parts import tie_of, trusted_share
 from elicit.model.query import Verdict
 from elicit.person.asker import Compares, Supposed
 from elicit.person.course.conclusion import (
@@ -342,22 +342,28 @@ class Drawing:
                 for number, entry in numbered(self._session.log)
             ]
         if what == "scale":
-            return [
-                {
-                    "level": row["label"],
-                    "value": round(row["value"], 2) if row["known"] or row["rough"] else None,
-                    "low": row["low"],
-                    "high": row["high"],
-                    "asked": row["asked"],
-                    "known": row["known"],
-                }
-                for row in self.end(False)["scale"]
-            ]
+            return [self._scale_row(row) for row in self.end(False)["scale"]]
         concluded = self._concluded()
         found = concluded.result if what == "plan" else concluded.outcomes
         if found is None:
             return []
         return [dict(zip(found.columns, row, strict=True)) for row in found.rows]
+
+    def _scale_row(self, row: dict[str, Any]) -> dict[str, Any]:
+        """Return a level as a row to keep, with the name of the person and of the problem."""
+        given = row["given"] or (None, None)
+        return {
+            "who": printable(self._session.who or "") or None,
+            "problem": printable(self._subject.words.title),
+            "level": row["label"],
+            "value": round(row["value"], 2) if row["known"] or row["rough"] else None,
+            "low": row["low"],
+            "high": row["high"],
+            "low_if_no_mistake": given[0],
+            "high_if_no_mistake": given[1],
+            "asked": row["asked"],
+            "known": row["known"],
+        }
 
     def _concluded(self) -> Conclusion:
         start = self._questions.at_start()
@@ -452,7 +458,9 @@ class Drawing:
             else None,
             "scale": scale,
             "by_chance": conduct.by_chance if subject.least else "",
-            "scale_notes": [] if known is None else scale_notes(rows, known, settled, as_given),
+            "scale_notes": []
+            if known is None
+            else scale_notes(rows, known, settled, as_given, self._about_equal()),
             "certainty": None
             if known is None
             else f"{certainty(known)}{'' if caution is None else f', {_IF_MEANT}'}",
@@ -485,6 +493,15 @@ class Drawing:
         given = self._session.as_given()
         return [] if given is None else scale_rows(given, self._subject.labels, self._session.log)
 
+    def _about_equal(self) -> float:
+        """Return within which share of the value range things called equal are taken to be.
+
+        The result is 0 if nothing was called equal, or nothing is known if each answer is as given.
+        """
+        given, log = self._session.as_given(), self._session.log
+        called = any(one.used and one.answer.verdict is Verdict.EQUAL for one in log)
+        return tie_of(given) if called and given is not None else 0.0
+
     def is_settled(self) -> bool:
         """Return ``settled`` of the screen at the end, without drawing the rest of it."""
         conduct = self._session.conduct()
@@ -499,8 +516,8 @@ class Drawing:
     def _is_enough(self, conduct: Conduct) -> bool:
         """Return whether there are answers and checks enough to call a result settled."""
         over = self._session.question() is None
-        # who asked for more after the last question may stop at any time
-        enough = over or (self._chosen.more and conduct.with_verdict >= self._subject.least)
+        # whoever wants more than the result may stop at any time once it has all it needs
+        enough = over or self._questions.only_values(conduct)
         return enough and (conduct.passed or not conduct.differed)
 
     def _remarks(self) -> list[str]:

@@ -34,6 +34,10 @@ _NARROWING = (
     "The values of the levels are known only roughly: about {questions} more questions would "
     "narrow every range to a width of {width:.0f} or less."
 )
+_ABOUT_EQUAL = (
+    "In “If no answer is a mistake”, an answer “equally good” counts as “within {within:.0f} of "
+    "100”."
+)
 OVERLAP = (
     "Ranges may overlap although the order is fixed: a better level is never worth less than a "
     "worse one."
@@ -101,6 +105,7 @@ def scale_notes(
     comparator: Comparator,
     settled: bool,
     as_given: Sequence[ScaleRow] = (),
+    about_equal: float = 0.0,
 ) -> list[str]:
     """Return sentences beside the rows of a comparator: on wide ranges, and on the order.
 
@@ -113,9 +118,14 @@ def scale_notes(
     as_given : sequence of ScaleRow
         The rows of a comparator that takes every answer as given; none if the answers contradict
         each other.
+    about_equal : float
+        The share of the value range within which that comparator takes things called equal to be; 0
+        if nothing was called so.
     """
     hollow = [row for row in rows if not row.known]
     notes = _on_wide(rows, comparator, as_given)
+    if about_equal > 0 and any(given_in(row, as_given) for row in rows):
+        notes.append(_ABOUT_EQUAL.format(within=100.0 * about_equal))
     if not all(row.rough for row in hollow):
         notes.append(_NOT_KNOWN)
     if any(row.rough for row in hollow):

@@ -29,9 +29,10 @@ from elicit.person.course import offers
 from elicit.person.course.conduct import Conduct
 from elicit.person.course.counts import Counts, number_of
 from elicit.person.course.kept_in_log import CHOICES, START, Choices
+from elicit.person.course.level_questions import FURTHER, NARROW, WIDE
 from elicit.person.course.pace import FEW_HASTY, Pace
 from elicit.person.drawing import Drawing
-from elicit.person.mending import IMPLIED, Mending
+from elicit.person.mending import Mending
 from elicit.person.next_question import NextQuestion
 from elicit.person.session import Session
 from elicit.person.showing import Shown, drawn, legend_of, practice, printable, said_of, shown_of
@@ -284,7 +285,7 @@ class Interview(Closing):
         if not standing and not self._practised and not self._chosen.stopped:
             if not self._started and session.question() is not None:
                 self.shown = None
-                self._beside.foresee()
+                self._foresee(conduct)
                 return {**screen, "welcome": self._drawing.welcome()}
             if session.question() is not None:
                 shown = practice(self._subject.labels, words, self._subject.of, self._subject.seed)
@@ -319,9 +320,8 @@ class Interview(Closing):
         self.shown = shown_now
         needed = self._questions.still_needed(conduct, shown_now.id)
         near, only = self._questions.nearness(conduct), self._questions.only_checks()
-        left = 1 + needed[1] if only and not needed[0] else 0
-        check = self._mending.check(query, left)
-        reason = IMPLIED if check == IMPLIED else ""
+        check = self._mending.note(query)
+        reason = FURTHER if self._mending.is_implied(query) else ""
         narrow = self._questions.to_narrow()
         self._beside.accompany(shown_now, conduct, needed, only, near, reason, narrow)
         return {
@@ -332,6 +332,13 @@ class Interview(Closing):
                 "check": check,
             },
         }
+
+    def _foresee(self, conduct: Conduct) -> None:
+        """Start to compute the forecasts on the welcome screen."""
+        question = self._session.question()
+        if question is not None:
+            needed = self._questions.still_needed(conduct, question.id)
+            self._beside.foresee(needed, self._questions.to_narrow(WIDE))
 
     def _first_question(self) -> Iterator[None]:
         """Compute the first question in a step, while the person practises."""
@@ -362,6 +369,7 @@ class Interview(Closing):
             "saved": Counts.of(self._session.log).answered,
             "open_conflicts": sum(CONTRADICTS in e.metadata and not e.used for e in standing),
             "budget": self._planned(conduct),
+            "until": "settled" if self._chosen.width is None else "values",
             "time": {"planned": self._chosen.minutes, "spent": pace.spent, "pace": pace.seconds},
             "last": said,
             "note": note,
@@ -409,7 +417,10 @@ class Interview(Closing):
         if who.strip() and self._session.log.who is None and not self._session.log.standing:
             self._session.stamp(printable(who.strip())[:_LONGEST_NAME])
         self._chosen.budget, self._chosen.minutes = _number(budget), _number(minutes)
-        self._chosen.values = until == "values"
+        if until != "values":
+            self._chosen.width = None
+        elif not self._chosen.all_told:  # whoever asked for more goes on so far
+            self._chosen.width = WIDE
         return self._screen()
 
     def _practise(self) -> dict[str, Any]:
@@ -488,8 +499,9 @@ class Interview(Closing):
                 f"answered {n} questions"
             )
             return offers.after_plan(over, self._questions.nearly(conduct))
-        goes_on = self._chosen.more or self._chosen.values
-        if goes_on or not offers.nearly_is_due(conduct, self._chosen.offered):
+        if self._chosen.width is not None or not offers.nearly_is_due(
+            conduct, self._chosen.offered
+        ):
             return None
         # a result of a large model takes a second: mostly it was computed beside the last question
         near = self._beside.near()
@@ -533,8 +545,9 @@ class Interview(Closing):
             self._chosen.heard = conduct.given
         self._chosen.offered = conduct.put
         if self._session.question() is None:  # first until no range is wide, as the result says
-            again, self._chosen.values = self._chosen.values, True
-            self._chosen.more = again or not self._questions.to_narrow()[1]
+            again, self._chosen.width = self._chosen.width is not None, WIDE
+            if again or not self._questions.to_narrow()[1]:
+                self._chosen.width = NARROW
         return self._screen()
 
     def _settle(self, id: str, choice: str) -> dict[str, Any]:
@@ -572,7 +585,7 @@ class Interview(Closing):
 
         Before the first end no result is settled, and computing one would take time.
         """
-        if self.progress.settled or not self._chosen.more:
+        if self.progress.settled or self._chosen.width is None:
             return self.progress.settled
         return self._drawing.is_settled()
 
@@ -583,7 +596,11 @@ class Interview(Closing):
         """
         screen = self._screen()
         end = screen["end"]
-        now = self._chosen.more and self._drawing.is_settled() if end is None else end["settled"]
+        now = (
+            self._chosen.width is not None and self._drawing.is_settled()
+            if end is None
+            else end["settled"]
+        )
         became = {
             (True, True): " The result is still settled: the answers that stand suffice.",
             (True, False): " The result is no longer settled without it.",

@@ -1,7 +1,6 @@
 """Answers that are mended: conflicts that the person settles, and answers that they take back.
 
-It also says on a question's card why a question comes whose answer was given, or follows from
-others, and what a question about a level is for.
+It also says above a question why it comes again, and what a question about a level is for.
 """
 
 from __future__ import annotations
@@ -14,19 +13,12 @@ from elicit.person.asker import Compares
 from elicit.person.course.conduct import IN_CONFLICT, ORDER, differs, was_settled
 from elicit.person.course.counts import KEPT, status_of
 from elicit.person.course.kept_in_log import Choices
-from elicit.person.course.level_questions import NARROW, WIDE, purpose_of
+from elicit.person.course.level_questions import purpose_of
 from elicit.person.drawing import Drawing
 from elicit.person.session import Session
-from elicit.person.showing import Subject, printable, shown_of
+from elicit.person.showing import Subject, printable
 from elicit.tutors.answer_log import REPEATS, Entry
 
-_AGAIN = "Check question: the same as question {n}, with {how}. Choose as you see it now."
-_SWAPPED = {True: "the sides swapped", False: "the same sides"}
-_ONLY_CHECKS = " Only repeated questions are left, as checks."
-_ORDER = "Check question: this one is about the order of the levels."
-# not called a check: the result does not count it as one
-IMPLIED = "Your answers so far already point to an answer here. This one makes it surer."
-"""The reason for a question whose answer follows from others."""
 _CHECK_TAKEN_BACK = (
     "This is the same check again, because you took back your answer to it. It repeats question "
     "{n}. Your answer to question {n} still stands. Choose as you see it now."
@@ -56,14 +48,10 @@ class Mending:
         self._session, self._subject = session, subject
         self._chosen, self._drawing = chosen, drawing
 
-    def check(self, query: Query, only_checks: int = 0) -> str:
-        """Return sentences on why a question comes that looks answered already, or "".
+    def note(self, query: Query) -> str:
+        """Return sentences above a question whose answer was taken back, or on its purpose, or "".
 
-        Parameters
-        ----------
-        query : Query
-        only_checks : int
-            Number of questions left, this one included, if all of them are checks, otherwise 0.
+        A check is not announced: an answer given in this knowledge would show little.
         """
         gone = [
             status_of(entry)
@@ -71,27 +59,26 @@ class Mending:
             if entry.answer.query.id == query.id and entry.retracted and not was_settled(entry)
         ]
         if self._session.is_repeat(query.id):
-            return self._again(query, only_checks, taken_back=bool(gone))
+            return self._again(query) if gone else ""
         if gone:
             return _NOT_KEPT if gone[-1] == "not kept" else _TAKEN_BACK
-        if query.id.startswith(ORDER):
-            return _ORDER
-        if not self._subject.least:
+        if query.id.startswith(ORDER) or not self._subject.least or self._session.implied(query):
             return ""
-        if not self._session.implied(query):
-            return self._purpose_of(query)
-        return IMPLIED
+        return self._purpose_of(query)
 
-    def _again(self, query: Query, only_checks: int, taken_back: bool) -> str:
-        """Return sentences on an earlier question that is put again, and on why it comes now."""
+    def is_implied(self, query: Query) -> bool:
+        """Return whether a question comes although its answer follows from others.
+
+        It is put because any one of these may be a mistake. A check is not among them.
+        """
+        check = self._session.is_repeat(query.id) or query.id.startswith(ORDER)
+        return bool(self._subject.least) and not check and self._session.implied(query)
+
+    def _again(self, query: Query) -> str:
+        """Return sentences on a check whose answer was taken back."""
         first = self._session.first_answer(query)
         assert first is not None
-        n = self._drawing.number_of(first.query.id)
-        if taken_back:
-            return _CHECK_TAKEN_BACK.format(n=n)
-        swapped = shown_of(self._subject, query).swapped != first.swapped
-        said = _AGAIN.format(n=n, how=_SWAPPED[swapped])
-        return f"{said}{_ONLY_CHECKS}" if only_checks > 1 else said
+        return _CHECK_TAKEN_BACK.format(n=self._drawing.number_of(first.query.id))
 
     def _purpose_of(self, query: Query) -> str:
         """Return sentences on the purpose of a question about a level, if nothing else is open."""
@@ -99,8 +86,7 @@ class Mending:
         if self._session.next_told() is not None or not isinstance(asker, Compares):
             return ""
         labels = [printable(label) for label in self._subject.labels]
-        until = NARROW if self._chosen.more else WIDE if self._chosen.values else None
-        return purpose_of(query, asker.comparator, labels, until)
+        return purpose_of(query, asker.comparator, labels, self._chosen.width)
 
     def conflict(self) -> dict[str, Any] | None:
         """Return the conflict that the last answer is part of, unless the person left it."""

@@ -18,6 +18,8 @@ from elicit.person.course.conduct import IN_CONFLICT, ORDER, SETTLED, Conduct
 from elicit.person.course.counts import status_of
 from elicit.person.course.kept_in_log import Before, Choices, Start
 from elicit.person.course.level_questions import (
+    LEVEL,
+    NARROW,
     known_question,
     level_question,
     order_question,
@@ -29,6 +31,7 @@ from elicit.person.findings import asked_levels
 from elicit.person.session import Session
 from elicit.person.showing import Subject, near_in_whole_numbers, shown_of
 
+_TIMES = 2  # as many questions about levels as it mostly takes, after which no more are put
 _ORDER_AFTER = 4  # answers before the question about the order of two levels
 
 
@@ -91,17 +94,21 @@ class NextQuestion:
             return known_question(asker.comparator, of, answered)
         return found
 
-    def to_narrow(self) -> tuple[int, int]:
+    def to_narrow(self, width: float | None = None) -> tuple[int, int]:
         """Return the fewest and the most questions until no level's range is wide.
 
         They are 0 if the person did not choose to go on so far, or goes on further, or nothing more
-        can be asked. A posterior is learned again, which takes a while, only where its own ranges
-        are narrow.
+        can be asked. ``width`` may be what they would choose. A posterior is learned again, which
+        takes a while, only where its own ranges are narrow.
         """
-        asker, chosen = self._session.current_asker(), self._chosen
-        if not chosen.values or chosen.more or not isinstance(asker, Compares):
+        asker = self._session.current_asker()
+        wanted = self._chosen.width if width is None else width
+        if wanted is None or wanted <= NARROW or not isinstance(asker, Compares):
             return 0, 0
         known = asker.comparator
+        put = sum(entry.answer.query.id.startswith(LEVEL) for entry in self._session.log.standing)
+        if put >= _TIMES * questions_to_narrow([100.0] * (known.k - 2))[1]:
+            return 0, 0  # the answers narrow nothing
         left = _until_narrow(value_ranges(known))
         if not left[1]:
             left = _until_narrow(value_ranges(known, draws_again(known)))
@@ -137,7 +144,7 @@ class NextQuestion:
         conduct : Conduct
             The conduct in the answers before the question on the screen.
         """
-        if not self._subject.least or self._chosen.more or conduct.put + 1 < NEARLY_FROM:
+        if not self._subject.least or self._chosen.all_told or conduct.put + 1 < NEARLY_FROM:
             return None
         if (start := self._staked()) is None:
             return None
@@ -151,11 +158,23 @@ class NextQuestion:
 
     def only_checks(self) -> bool:
         """Return whether no question is left but those that are still needed."""
-        if not self._subject.least or self._chosen.more:
+        if not self._subject.least or self._chosen.all_told:
             return False
         enough = self._subject.enough
         over = self._session.next_told() is None and not self.to_narrow()[1]
         return over and (enough is None or enough(self._session.result()))
+
+    def only_values(self, conduct: Conduct) -> bool:
+        """Return whether the result has all it needs, and questions left only narrow ranges."""
+        chosen, enough = self._chosen, self._subject.enough
+        if chosen.width is None or conduct.with_verdict < self._subject.least:
+            return False
+        if chosen.all_told:
+            return True  # it came to its end before
+        if self._session.next_told() is not None:
+            return False
+        checked = conduct.passed or self._session.confirming() is None
+        return checked and (enough is None or enough(self._session.result()))
 
     def _taken_back_last(self) -> Query | None:
         """Return the question whose answer was taken back since the last answer, or None.
@@ -225,10 +244,12 @@ class NextQuestion:
                 return check
             # where little is left to gain, questions whose answers follow from others add nothing
             few = self.nearly(conduct) is None
-        open_still = unsure or self._chosen.more or few or self.to_narrow()[1] > 0
-        if open_still and (found := self.about_a_level(few)) is not None:
+        wanted = self._chosen.all_told or self.to_narrow()[1] > 0
+        if wanted and (check := self._session.checking()) is not None:
+            return check
+        if (unsure or few or wanted) and (found := self.about_a_level(few)) is not None:
             return found
-        return self._session.confirming() if needed or self._chosen.more else None
+        return self._session.confirming() if needed or self._chosen.all_told else None
 
 
 def _until_narrow(ranges: tuple[Floats, Floats]) -> tuple[int, int]:

@@ -14,9 +14,9 @@ from elicit.person.findings import guess_in_words
 # from the worst level to the best, as the page interview.js has them
 COLOURS = {
     "light": (
-        (71, 18, 9),
-        (110, 33, 3),
-        (104, 75, 9),
+        (41, 14, 38),
+        (117, 12, 40),
+        (105, 74, 21),
         (59, 108, 120),
         (46, 132, 169),
         (88, 150, 226),
@@ -38,7 +38,7 @@ svg .level { fill: var(--light); }
   :root { --ink: #e8eef3; --soft: #aab8c4; --line: #3a4854; --edge: #3a4854; --back: #10161c; --link: #8cc4f5; --tint: #16324a;
     --warn: #e0923a; --warn-tint: #3a2a12; }
   svg rect, svg circle[r="6"], svg .rough { stroke: #97a5b1; }
-  svg .level { fill: var(--dark); }
+  svg .level { fill: var(--dark); } svg .rough:not([fill="none"]) { fill: var(--back); }
 }
 svg text { fill: var(--soft); } svg line { stroke: var(--line); }
 body { margin: 2rem auto; max-width: 52rem; padding: 0 1rem; color: var(--ink); background: var(--back);
@@ -51,7 +51,7 @@ th, td { box-sizing: border-box; text-align: left; vertical-align: top; font-wei
   border-top: 1px solid var(--line); }
 thead th, thead td { font-size: .85rem; color: var(--soft); border-top: 0; vertical-align: bottom; }
 .number { text-align: right; } .guess { width: 17%; } .range { width: 15%; } .drawn { width: 43%; padding: 0 1.2rem; }
-.scale:has(td.given) .drawn { width: 34%; } th.given { width: 17%; }
+.scale tfoot { display: none; } .scale:has(td.given) .drawn { width: 34%; } th.given { width: 17%; }
 .scale tbody * { vertical-align: middle; } .nr { width: 3.2rem; overflow-wrap: normal; } .when { width: 9.6rem; } .remarks { width: 20%; }
 .marked td { font-weight: 600; background: var(--tint); }
 .chosen { font-size: .85em; border: 1px solid var(--link); color: var(--link); border-radius: 6px; padding: 0 .4em; white-space: nowrap; }
@@ -73,6 +73,7 @@ summary { cursor: pointer; color: var(--link); padding: .3rem 0; } details > tab
   .scale, .scale thead, .scale tbody, .scale caption, .answers, .answers tbody { display: block; }
   .scale tr { display: grid; grid-template-columns: minmax(0, 1fr) 7rem 5.5rem; border-top: 1px solid var(--line); }
   .scale thead tr { border-top: 0; } .scale th, .scale td { border-top: 0; width: auto; }
+  .scale thead .drawn { display: none; } .scale tfoot { display: block; }
   .scale .drawn { grid-row: 2; grid-column: 1 / -1; padding: 0 .8rem; } .scale tbody .drawn { margin-top: -.5rem; }
   .scale:has(td.given) .drawn { width: auto; } .scale:has(td.given) tr { grid-template-columns: minmax(0, 1fr) minmax(0, 1fr); } .scale:has(td.given) th:not(:first-child, .guess) { display: none; }
   .scale td.given, .scale:has(td.given) td.range { grid-row: 3; text-align: left; } .scale td.given:empty { visibility: hidden; }
@@ -266,10 +267,15 @@ def technical_details(facts: Mapping[str, str]) -> Iterator[str]:
         yield f'<details class="log"><summary>Technical details</summary><dl>{named}</dl></details>'
 
 
+def _unbroken(text: str) -> str:
+    """Return a text in which "1 in 100" does not end one line and begin the next."""
+    return re.sub(r"(\d) in (\d)", "\\1\u00a0in\u00a0\\2", text)
+
+
 def _headline(end: Mapping[str, Any]) -> Iterator[str]:
     """Return the conclusion: the finding, how sure it is, its size, and the loss before."""
     if end.get("headline"):
-        yield f'<p class="headline">{escaped(end["headline"])}</p>'
+        yield f'<p class="headline">{_unbroken(escaped(end["headline"]))}</p>'
     if end.get("caution"):
         yield f'<p class="caution">{escaped(end["caution"])}</p>'
     for name in ("effect", "reason"):
@@ -366,7 +372,7 @@ def about_scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> str:
     best, worst = rows[0]["label"], rows[-1]["label"]
     bars = "Bar: range"
     if _has_given(rows):
-        bars = "Thick bar: range if no answer is a mistake. Dashed bar: range allowing for mistakes"
+        bars = "Thick bar: range if no answer is a mistake. Thin bar: range allowing for mistakes"
     return (
         f"From 0 (“{worst}”) to 100 (“{best}”). A level at 60 is as good to you as 60 of 100 at "
         f"“{best}” and 40 at “{worst}”. Dot: best guess. {bars} "
@@ -410,7 +416,8 @@ def _scale(
             head = "" if words == FIXED else heads[kind]
             yield f'<td class="number {kind}" data-head="{head}">{words}</td>'
         yield "</tr>"
-    yield "</tbody>\n</table>"
+    # a narrow page has the axis here, for there the heads stand right above the numbers
+    yield f'</tbody>\n<tfoot><tr class="axis"><td class="drawn">{axis}</td></tr></tfoot>\n</table>'
     if notes:
         yield f'<p class="soft">{escaped(" ".join(notes))}</p>'
 

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
 
 from qlearn.cli.options import fail, number_parser, part_parser
 from qlearn.experiments.catalogue import PROBLEMS, TAUGHT_WITH
@@ -53,6 +53,7 @@ class SessionOptions(TypedDict):
     who: str | None
     like: list[str]
     questions: int | None
+    until: Literal["values", "settled"] | None
     web: bool
     port: int
     host: str
@@ -150,6 +151,13 @@ def add_to(commands: Any) -> None:
         help="how many questions you have time for: says before the first what they are likely to "
         "prove, which takes up to a minute (Ctrl+C skips it), and offers the result after so many "
         "[no limit]",
+    )
+    command.add_argument(
+        "--until",
+        choices=("values", "settled"),
+        help="when the questions in the terminal end: once the value of every level is known to "
+        "within 40 of 100, or already once the result is settled. A page asks [values; for a log "
+        "that is gone on with, as before]",
     )
     command.add_argument(
         "--audit",
@@ -278,6 +286,7 @@ def run(
     again = ["qlearn", "teach", "--problem", name, "--comparator", comparator, "--log", str(path)]
     again += same
     again += [] if questions is None else ["--questions", str(questions)]
+    again += [] if how["until"] is None else ["--until", how["until"]]
     again += [] if audit == _AUDIT else ["--audit", str(audit)]
     again += [] if who is None else ["--who", who]
     if how["web"]:
@@ -310,7 +319,8 @@ def run(
             return fail(error)
         except KeyboardInterrupt:
             return 130
-        return Terminal(session, taught.subject, shlex.join(again), questions).converse()
+        until = how["until"]
+        return Terminal(session, taught.subject, shlex.join(again), questions, until).converse()
 
 
 def _compile(comparator: str) -> None:
@@ -348,6 +358,7 @@ def _not_for_several(log: Path | None, how: SessionOptions) -> str:
         (log, "--log", "each person has a log of their own, answers-PROBLEM-NAME.jsonl, here"),
         (how["who"], "--who", "--people names all who answer"),
         (how["questions"], "--questions", "the page asks each person how much time they have"),
+        (how["until"], "--until", "the page asks each person how far to go"),
     ):
         if given is not None:
             return f"{option} is for one person: leave it out, since {instead}"

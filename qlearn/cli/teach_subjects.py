@@ -60,6 +60,11 @@ from qlearn.problems.families.words import WORDS
 _SESSIONS = {"polytope": 12, "posterior": 4}  # simulated; one takes about 1 s, and 8 to 25 s
 _RANDOM = (30, 3, 5, 0.9)  # states, actions, levels, discount
 _KINDS = {"posterior": " (allows for errors)", "polytope": " (takes every answer for right)"}
+_LEARNS = "It works out how good each level is to you."
+_EQUAL_STEPS = (
+    "Your plan is compared with the plan for equal steps: each level is then better than the one "
+    "below it by the same amount."
+)
 _NAMED = 6  # alternatives up to which the welcome names them
 _NO_NOUNS = ("name", "label", "title", "row", "index", "column", "description", "text")
 
@@ -128,6 +133,7 @@ def taught_by(
         return _choice(Path(problem), comparator, days, unit, seed, tolerance, like)
     mdp, words, legend = _mdp(problem, seed)
     words = words if unit is None else replace(words, unit=unit)
+    words = replace(words, purpose=f"{words.purpose or _LEARNS} {_EQUAL_STEPS}")
     header = _header(mdp.labels, mdp.fingerprint, words, discount=mdp.discount)
     comparator_now = _comparator_maker(comparator, mdp.labels, seed, like)
 

@@ -20,6 +20,8 @@ from elicit.person.showing import NARROWEST, Choice, printable
 from elicit.tutors.log_file import BadLog
 from qlearn.cli.options import fail
 
+Until = Literal["values", "settled"]
+"""When the questions end: once every value is known, or once the result is settled."""
 _Key = Choice | Literal["undo", "why", "finish", "quit"]
 _MEANS: dict[str, _Key] = {
     "a": "a",
@@ -47,13 +49,18 @@ class Terminal:
     """A session with the person at standard input.
 
     again: the command that resumes the session. questions: how many the person has time for, if
-    they say.
+    they say. until: when the questions end; None for "values", or as the log says.
     """
 
     def __init__(
-        self, session: Session, subject: Subject, again: str, questions: int | None = None
+        self,
+        session: Session,
+        subject: Subject,
+        again: str,
+        questions: int | None = None,
+        until: Until | None = None,
     ) -> None:
-        self._questions = questions
+        self._questions, self._until = questions, until
         self._interview, self._log, self._again = Interview(session, subject), session.log, again
         self._finer = subject.finer
         self._width = min(max(shutil.get_terminal_size().columns, NARROWEST), _WIDEST)
@@ -87,9 +94,11 @@ class Terminal:
             self._say(screen["note_beside"])
         if screen["answered"]:
             self._say(f"Going on after {in_answers(screen['answered'])}.")
-            if self._questions is not None:
-                further = screen["answered"] + self._questions
-                screen = self._handle("start", budget=f"{further}")
+            if self._questions is not None or self._until is not None:
+                further = screen["answered"] + self._questions if self._questions else ""
+                screen = self._handle(
+                    "start", budget=f"{further}", until=self._until or screen["until"]
+                )
         while True:
             if screen["note"]:
                 self._say(screen["note"])
@@ -99,7 +108,8 @@ class Terminal:
             match screen["stage"]:
                 case "welcome":
                     self._welcome(screen["welcome"])
-                    screen = self._handle("start", budget=f"{self._questions or ''}")
+                    until = self._until or "values"
+                    screen = self._handle("start", budget=f"{self._questions or ''}", until=until)
                     continue
                 case "practice":
                     self._say("\nPractice question: your answer is not saved.\n")
@@ -217,7 +227,7 @@ class Terminal:
             self._say("It is there to try the keys.")
             return
         beside = self._handle("outlook", id=screen["question"]["id"])
-        for sentence in (*beside["why"], beside["forecast"]):
+        for sentence in (*beside["why"], "" if beside["rose"] else beside["forecast"]):
             if sentence:
                 self._say(printable(sentence))
         if not beside["ready"] and not beside["why"]:
@@ -234,7 +244,7 @@ class Terminal:
             return " (close to the end)"
         if beside["near"]:
             return f" (probably close to the end, at most about {most} more)"
-        rose = ", more than it seemed before" if beside["rose"] else ""
+        rose = f": {beside['forecast']}" if beside["rose"] else ""
         return f" (about {f'{least} to {most}' if least < most else most} more{rose})"
 
     def _report(self, screen: dict[str, Any]) -> None:

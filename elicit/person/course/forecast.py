@@ -6,6 +6,8 @@ import math
 from statistics import median
 from typing import NamedTuple
 
+from elicit.person.course.conclusion import per_hundred
+
 _SLACK = 2  # questions, and a share of those left, by which a forecast may be off and stays:
 _SHARE_OF_SLACK = 0.25
 _RECENT = 2  # earlier questions whose forecasts count beside the newest
@@ -28,12 +30,13 @@ class QuestionsLeft:
 
     def __init__(self) -> None:
         self._totals: list[_Total] = []  # the newest forecasts, each of another question
-        self._now = -1  # the question that is asked
+        self._asked = self._now = -1  # the question before, and the one that is asked
         self._before: tuple[int, int] | None = None  # as shown at the question before
         self._shown: tuple[int, int] | None = None  # questions in all, the least and the most
         self._here: tuple[int, int] | None = None  # as shown at this question before
         self.rose = False
-        """True if the range at this question exceeds the one shown before, by more than a bit."""
+        """True if more questions are said to follow than were said to follow at the question
+        before."""
 
     @property
     def known(self) -> bool:
@@ -71,7 +74,8 @@ class QuestionsLeft:
         """
         now = put + 1
         if now != self._now:
-            self._now, self._before, self._here = now, self._shown, None
+            self._asked, self._now = self._now, now
+            self._before, self._here = self._shown, None
         kept = before = self._before
         if kept is not None and kept[1] < now + least:
             kept = None  # more questions came than it said
@@ -101,7 +105,7 @@ class QuestionsLeft:
             high = max(self._here[0], min(kept[1], self._here[1]))
             kept = min(max(kept[0], self._here[0]), high), high
         self._here = self._shown = kept
-        self.rose = bool(kept and before and kept[1] > before[1])
+        self.rose = bool(kept and before and kept[1] - now > before[1] - self._asked)
         if kept is None:
             return None
         return max(kept[0] - now, least), kept[1] - now
@@ -149,6 +153,8 @@ def rise(loss: float | None, stated: Stated, exact: bool = False) -> str | None:
     before, checked = stated
     if loss is None or before is None or not loss > before:
         return None
+    if per_hundred(loss) == per_hundred(before):
+        return None  # the number that is shown is the same
     said = (
         "That is more than before: your answers since then show that more values are plausible "
         "than it seemed. This is normal, and more answers narrow them again."

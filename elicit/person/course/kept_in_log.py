@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from elicit.person.course.level_questions import NARROW, WIDE
 from elicit.tutors.answer_log import Asked
 
 CHOICES = "choices"
@@ -38,11 +39,9 @@ class Choices:
         Number of answers when the person last continued after a caution.
     stopped
         True if they want the result now.
-    more
-        True if they want more questions than needed.
-    values
-        True if questions are to go on until no level's range is wide, also if the result is settled
-        before.
+    width
+        Width, of 100, to which questions are to narrow the range of each level, also if the result
+        is settled before. None: they end once it is settled.
     other
         True if they want another kind of question.
     slowed
@@ -56,8 +55,7 @@ class Choices:
     offered: int = 0
     heard: int = 0
     stopped: bool = False
-    more: bool = False
-    values: bool = False
+    width: float | None = None
     other: bool = False
     slowed: bool = False
     passed: tuple[tuple[str, ...], ...] = ()
@@ -77,14 +75,20 @@ class Choices:
         for name, least in (("budget", 1), ("minutes", 1), ("offered", 0), ("heard", 0)):
             if type(kept.get(name)) is int and kept[name] >= least:
                 setattr(found, name, kept[name])
-        for name in ("stopped", "more", "values", "other", "slowed"):
+        for name in ("stopped", "other", "slowed"):
             setattr(found, name, kept.get(name) is True)
+        found.width = _width_in(kept)
         passed = kept.get("passed")
         if isinstance(passed, list):
             found.passed = tuple(
                 tuple(map(str, among)) for among in passed if isinstance(among, list)
             )
         return found
+
+    @property
+    def all_told(self) -> bool:
+        """True if questions are to go on as long as they narrow any range that is worth one."""
+        return self.width is not None and self.width <= NARROW
 
     def record(self) -> dict[str, Any]:
         """Return the choices as JSON."""
@@ -99,6 +103,14 @@ class Choices:
     def leaves(self, ids: Iterable[str]) -> bool:
         """Return whether a conflict among the answers of these ids was left as it is."""
         return tuple(sorted(ids)) in self.passed
+
+
+def _width_in(kept: Mapping[str, Any]) -> float | None:
+    """Return the width in a record of choices. Earlier records have ``more`` or ``values``."""
+    width: Any = kept.get("width")
+    if type(width) in (int, float) and 0 < width <= 100:
+        return float(width)
+    return NARROW if kept.get("more") is True else WIDE if kept.get("values") is True else None
 
 
 class Before(NamedTuple):

@@ -193,10 +193,7 @@ def purpose_of(
     said = f"This question narrows what “{labels[level]}” is worth to you."
     if until is None:
         return f"{said} {FURTHER}"
-    return (
-        f"{said} Questions end once what each level is worth is known to within {until:.0f} of "
-        "100, or when you finish."
-    )
+    return f"{said[:-1]}, until that is known to within {until:.0f} of 100."
 
 
 def order_question(k: int, level: int) -> Query:

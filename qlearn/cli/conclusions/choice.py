@@ -98,7 +98,7 @@ def choice_conclusion(
         after = "You can stop here."
         more = "If you like, more answers make it surer." if result.loss_bound > 0 else ""
     else:
-        headline = f"The choice is open. The best guess so far is “{result.name}”."
+        headline = f"The best guess so far is “{result.name}”. The choice is still open."
         after = f"Another {told.alternative} may be better, by at most {most}. {sure}"
         if result.loss_bound < NO_LOSS:
             after = f"{capital(_none_better(told, loss))}. {sure}"
@@ -295,7 +295,11 @@ def _reason(
     second = others[0]
     name, other = (f"“{printable(names[i])}”" for i in (best, second))
     more, sure = _more(_behind(points, best)[second]), _how_sure_of(ahead, second)
-    worth = f"{name} is {more} of the second, {other} (best guess{sure})."
+    worth = (
+        f"On the scale from 0 (all “{printable(told.labels[0])}”) to 100 (all "
+        f"“{printable(told.labels[-1])}”), {name} is worth {more} more than the second, {other} "
+        f"(best guess{sure})."
+    )
     differ = _differ(told, 100.0 * apart[second])
     if not differ:
         return worth
@@ -328,8 +332,8 @@ def _behind(points: Floats, best: int) -> list[int]:
 
 
 def _more(guess: int) -> str:
-    """Return in words how much more the choice is worth than an alternative, by the best guess."""
-    return f"{guess or 'less than 1'} of 100 ahead"
+    """Return in words how much more the choice is worth than an alternative, of 100."""
+    return f"{guess or 'less than 1'}"
 
 
 def _how_sure_of(ahead: _Ahead, i: int) -> str:

@@ -95,7 +95,7 @@ def size_and_end(told: InWords, loss: float, what: str, confidence: float, settl
     nothing can be lost.
     """
     if settled:
-        return size_of(told, loss, "that is", None)
+        return size_of(told, loss, what, None)
     if loss < NO_LOSS:
         return ""
     return f"{size_of(told, loss, what, confidence)} {until(told)}".strip()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -69,8 +70,30 @@ def _ends(mdp: OrdinalMDP, policy: Actions, first: Flags) -> Floats | None:
     return ends
 
 
-def effects_of(told: InWords, mdp: OrdinalMDP, found: DecidedPlan) -> dict[int, str]:
-    """Return a text for each state that differs: how many runs from there end at the best outcome.
+class Effect(NamedTuple):
+    """Shares of the runs from a state that end at the best outcome, with either action."""
+
+    learned: float
+    equal: float
+
+    def said(self, word: str) -> str:
+        """Return both as a text; ``word`` says how these runs end, such as "recover"."""
+        ours, theirs = self._of_1000
+        return f"with it {ours} of 1,000 {word}, with equal steps {theirs}"
+
+    @property
+    def is_fewer(self) -> bool:
+        """True if the number of 1,000 with the learned action, as it is said, is the smaller."""
+        ours, theirs = self._of_1000
+        return ours < theirs
+
+    @property
+    def _of_1000(self) -> tuple[int, int]:
+        return round(1000 * self.learned), round(1000 * self.equal)
+
+
+def effects_of(told: InWords, mdp: OrdinalMDP, found: DecidedPlan) -> dict[int, Effect]:
+    """Return for each state that differs how many runs from there end at the best outcome.
 
     It compares the learned action with that of equal steps, each followed by the plan. The result
     is empty unless the problem's words name that outcome, and every run ends.
@@ -87,13 +110,8 @@ def effects_of(told: InWords, mdp: OrdinalMDP, found: DecidedPlan) -> dict[int, 
     if ends is None:
         return {}
     learned, equal = (chances @ ends[:, -1] for chances in rows)
-    word = printable(words[-1])
-    return {
-        state: f"with it {1000 * ours:.0f} of 1,000 {word}, with equal steps {1000 * theirs:.0f}"
-        for state, ours, theirs in zip(
-            states.tolist(), learned.tolist(), equal.tolist(), strict=True
-        )
-    }
+    shares = map(Effect, learned.tolist(), equal.tolist())
+    return dict(zip(states.tolist(), shares, strict=True))
 
 
 def _both(found: DecidedPlan) -> tuple[Actions, Actions]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
 
@@ -33,7 +33,7 @@ from qlearn.cli.conclusions.in_words import (
     sure_of,
     until,
 )
-from qlearn.cli.conclusions.outcomes import effects_of, outcomes_of
+from qlearn.cli.conclusions.outcomes import Effect, effects_of, outcomes_of
 from qlearn.learners.learner import Result
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
@@ -41,6 +41,7 @@ _SHORT = "your plan could still be worse than your ideal plan, by"
 _REST = "what follows in the rest of the plan"
 _IN_MODEL = "In the model"
 _TOO_LITTLE = ": on the whole it makes too little difference to go on asking"
+_STEPS_PLAN = "Your plan is settled. It is the one for equal steps between the levels."
 _STEPS = "equal steps between the levels (each better than the one below it by the same amount)"
 
 
@@ -62,7 +63,7 @@ def policy_conclusion(
     settled = bound <= told.tolerance
     if settled:
         bound = told.stated(bound)
-    most, more = per_hundred(bound), ""
+    more = ""
     same = len(result.answers) > 0 and not found.holds.any()
     if np.isnan(bound):
         headline = "How far your plan may fall short of your ideal plan cannot be stated."
@@ -72,8 +73,7 @@ def policy_conclusion(
         if found.leaning:
             headline = f"{_decided(told, plans.mdp, found)} {_within(bound, 'the plan')}"
         elif same:
-            headline = f"Your answers do not change the {told.plan}. The plan is settled. "
-            headline += _within(bound)
+            headline = f"{_STEPS_PLAN} {_within(bound)}"
         after, more = "You can stop here.", "More answers would make the values below more exact."
         if found.leaning:
             more = (
@@ -81,12 +81,9 @@ def policy_conclusion(
                 f"{told.states}."
             )
     else:
-        headline = f"Your plan is not settled. It could still fall {most} short of your ideal plan."
+        headline = f"{_within(bound, 'so far your plan')} It is not settled yet."
         if same:
-            headline = (
-                f"So far your answers do not change the {told.plan}. The plan is not settled. It "
-                f"could still fall {most} short of your ideal plan."
-            )
+            headline = f"{headline} It is the one for equal steps between the levels."
         after = {
             Status.CALLED_EQUAL: "What is still open, you called equally good.",
             Status.UNSURE: "What is still open, you could not tell.",
@@ -138,13 +135,10 @@ def _within(loss: float, plan: str = "it", starts: bool = True) -> str:
 
 def _decided(told: InWords, mdp: OrdinalMDP, found: DecidedPlan) -> str:
     """Return sentences on what the answers decide, if they leave some states open."""
-    live, n, rest = int(np.count_nonzero(~mdp.terminal)), int(found.holds.sum()), len(found.leaning)
+    live, n = int(np.count_nonzero(~mdp.terminal)), int(found.holds.sum())
     said = f"change the {told.plan} in {n} of {live} {told.states}"
     if not n:
-        return (
-            f"So far your answers do not change the {told.plan}. In {rest} of {live} {told.states} "
-            "they do not decide yet."
-        )
+        return "So far your plan is the one for equal steps between the levels."
     return f"Compared with equal steps between the levels, your answers {said}."
 
 
@@ -249,6 +243,7 @@ def _changes(
     if rest and n:
         some += f" In {rest} more, further answers might change it."
     effects = effects_of(told, mdp, found)
+    word = printable(told.words.ends[-1]) if effects else ""
     why_note = " “Why” names the level that matters most by the best guess." if why else ""
     certain, perhaps = (
         tuple(
@@ -257,7 +252,7 @@ def _changes(
                 action_words(int(found.equal[s])),
                 action_words(learned),
                 why[s],
-                *([effects[s]] if effects else []),
+                *([effects[s].said(word)] if effects else []),
             )
             for s, learned, held in zip(
                 found.states.tolist(), found.learned.tolist(), found.holds.tolist(), strict=True
@@ -267,6 +262,8 @@ def _changes(
         for wanted in (True, False)
     )
     more = (_IN_MODEL,) if effects else ()
+    changed = [state for state, held in found.certain.items() if held]
+    traded = _trade(told, effects, changed, "the change")
     not_decided = ResultTable(
         f"Not decided by your answers in {rest} of {live} {told.states}",
         ("State", "In the plan (equal steps)", "Perhaps better", "Why", *more),
@@ -279,6 +276,7 @@ def _changes(
             if _bound(found) <= told.tolerance
             else "More answers may decide for either."
         )
+        + _trade(told, effects, found.leaning, "the other action")
         + ("" if n else why_note),
         "undecided state",
     )
@@ -286,8 +284,24 @@ def _changes(
         title,
         ("State", "With equal steps", "With your values", "Why", *more),
         certain,
-        f"Compared with {_STEPS}.{some}{why_note if n else ''}\n{told.legend}".strip(),
+        f"Compared with {_STEPS}.{some}{traded}{why_note if n else ''}\n{told.legend}".strip(),
         open=not_decided if rest else None,
+    )
+
+
+def _trade(
+    told: InWords, effects: Mapping[int, Effect], states: Collection[int], action: str
+) -> str:
+    """Return a sentence on the states where fewer end well with an action, or ""."""
+    n = sum(effects[s].is_fewer for s in states if s in effects)
+    if not n:
+        return ""
+    where = "In all of these states" if n == len(states) > 1 else f"In {n} of these states"
+    where = "Here" if n == len(states) == 1 else where
+    unit, word = printable(told.words.unit), printable(told.words.ends[-1])
+    return (
+        f" {where} fewer {unit} would {word} with {action}: your answers also weigh the time in "
+        "each condition before the end, and not only the end."
     )
 
 
@@ -404,7 +418,7 @@ def policy_nearly(
     return NearlyEnough(
         f"Your plan falls at most {per_hundred(bound)} short of your ideal plan",
         _close(result, bound),
-        size_of(told, bound, "that is", None),
+        size_of(told, bound, _SHORT, None),
     )
 
 

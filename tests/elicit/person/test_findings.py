@@ -158,6 +158,10 @@ def test_beside_a_wide_range_stands_that_of_the_answers_if_none_is_a_mistake(
     [first, *_] = scale_notes(rows, PosteriorComparator(4), True, given)
     assert first.startswith("“ill” (0 to 84) still has a wide range") == (shown is None)
     assert "fair" not in first
+    about = "In “If no answer is a mistake”, an answer “equally good” counts as “within 5 of 100”."
+    assert about in scale_notes(rows, PosteriorComparator(4), True, given, about_equal=0.05)
+    for asked, within in ((given, 0.0), ((), 0.05)):  # nothing was called equal; no such range
+        assert about not in scale_notes(rows, PosteriorComparator(4), True, asked, within)
 
 
 def test_an_answer_that_narrows_nothing_leaves_a_level_unknown() -> None:

@@ -1,13 +1,26 @@
 """Messages that the page does not send change nothing."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from elicit import AnswerLog, Interview, PolytopeComparator, Session, Subject, Verdict, choose
+from elicit import (
+    AlwaysAsk,
+    AnswerLog,
+    Interview,
+    PolytopeComparator,
+    Query,
+    Session,
+    Subject,
+    Verdict,
+    choose,
+)
+from elicit.person.course.level_questions import questions_to_narrow
+from tests.browser_cases import LABELS, QUESTIONS, Listed
 
 
 def choosing(known: Any) -> Any:
@@ -178,3 +191,31 @@ def test_a_budget_that_is_no_number_is_none() -> None:
             assert interview.handle({"do": "start", "budget": budget})["budget"] is None
         assert interview.handle({"do": "start", "budget": "15"})["budget"] == 15
         assert interview.handle({"do": "state"})["stage"] == "practice"
+
+
+class LearnsNothing(Listed):
+    """An asker whose comparator knows no more after any answer."""
+
+    def __init__(self, questions: Sequence[Query], known: Any = ()) -> None:
+        super().__init__(questions, known)
+        self.comparator: Any = AlwaysAsk(3)
+
+
+def test_where_no_answer_narrows_a_range_an_interview_for_the_values_ends_all_the_same() -> None:
+    log = AnswerLog()
+    with (
+        Session(lambda known: LearnsNothing(QUESTIONS, known), log, audit=0) as session,
+        Interview(session, Subject(LABELS)) as interview,
+    ):
+        interview.handle({"do": "practised", "choice": "a"})
+        screen = interview.handle({"do": "start", "until": "values"})
+        while screen["stage"] == "question":
+            put = screen["question"]
+            apart = sum(
+                [0.0, 0.65, 1.0][row["level"]] * (row["a"] - row["b"]) for row in put["rows"]
+            )
+            choice = "a" if apart > 0 else "b"
+            screen = interview.handle({"do": "answer", "id": put["id"], "choice": choice})
+    assert screen["stage"] == "end"
+    about = sum(entry.answer.query.id.startswith("level/") for entry in log)
+    assert 5 < about <= 2 * questions_to_narrow([100.0])[1]

@@ -1,4 +1,4 @@
-"""A question whose answer is known already says on its card why it comes all the same."""
+"""A question that comes again says so if its answer was taken back, and a check does not."""
 
 from typing import Any
 
@@ -6,9 +6,9 @@ import pytest
 
 from elicit import AnswerLog, Interview, Session, Subject
 from elicit.person.course.counts import Counts, number_of
+from elicit.person.course.level_questions import FURTHER
 from tests.browser_cases import LABELS, QUESTIONS, Listed
 
-SURE = "Your answers so far already point to an answer here. This one makes it surer."
 SAME = "This is the same question again, because you took back your answer to it"
 
 
@@ -21,7 +21,7 @@ def choice(session: Session, value: float) -> str:
 
 
 @pytest.mark.parametrize("least", [0, 5])
-def test_a_question_that_earlier_answers_decide_says_so(least: int) -> None:
+def test_a_question_that_earlier_answers_decide_does_not_lead_to_that_answer(least: int) -> None:
     """Shares of .4, .6, .5, .7 and .8 of the best level are compared with the middle one."""
     subject, found = Subject(LABELS, least=least), {}
     with (
@@ -31,13 +31,13 @@ def test_a_question_that_earlier_answers_decide_says_so(least: int) -> None:
         screen = interview.handle({"do": "practised", "choice": "a"})
         while screen["stage"] == "question" and screen["question"]["id"].startswith("q"):
             id = screen["question"]["id"]
-            found[id] = screen["question"]["check"]
+            assert screen["question"]["check"] == ""
             why = interview.handle({"do": "outlook", "id": id})["why"]
-            assert (found[id] in why) == found[id].startswith(SURE)  # the same reason in both
-            assert not (found[id] and any("We don't yet know" in said for said in why))
+            found[id] = FURTHER in why
+            assert not (found[id] and len(why) > 1)
             said = choice(session, 0.65)
             screen = interview.handle({"do": "answer", "id": id, "choice": said})
-        decided = [id for id, check in found.items() if check.startswith(SURE)]
+        decided = [id for id, implied in found.items() if implied]
         assert decided == (["q2", "q4"] if least else [])  # .6 < value, then value < .7
 
 
@@ -49,8 +49,9 @@ def test_a_question_that_one_earlier_answer_decides_speaks_of_one_answer() -> No
     ):
         screen = interview.handle({"do": "practised", "choice": "a"})
         screen = answered(interview, screen, choice(session, 0.65))
-        said = screen["question"]["check"]
-        assert said.startswith(SURE)
+        id = screen["question"]["id"]
+        assert screen["question"]["check"] == ""
+        assert interview.handle({"do": "outlook", "id": id})["why"] == [FURTHER]
 
 
 def test_a_question_that_comes_again_keeps_its_number_and_says_why() -> None:
@@ -180,12 +181,5 @@ def test_at_the_end_the_checks_left_are_counted() -> None:
     at_end = [(n, found) for (_, found, over), n in zip(ranges, left, strict=True) if over]
     assert len(at_end) > 2
     assert [found for n, found in at_end[2:]] == [[n, n] for n, _ in at_end[2:]]
-    # checks that come in a row say why; how many there are is said once, in the header
-    said = [note for note in notes if "Only repeated" in note]
-    assert said
-    for note in said:
-        assert note.endswith(" Only repeated questions are left, as checks.")
-    assert notes[-1 - len(said) : -1] == said
-    repeats = [note.startswith("Check question: the same as question ") for note in notes]
-    assert repeats[-1]
-    assert not any(repeats[i] and repeats[i + 1] for i in range(len(notes) - len(said) - 2))
+    # no check is announced
+    assert all(note == "" or note.startswith("This question narrows") for note in notes)

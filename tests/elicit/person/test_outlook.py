@@ -322,17 +322,17 @@ def test_the_welcome_counts_sessions_that_are_settled_in_time(
 
 def test_the_welcome_forecasts_nothing_without_plausible_scales() -> None:
     found = prospects_of(OfLength(5, 5, 0.5, AlwaysAsk(3)))
-    assert found == {"budgets": [], "settled": "", "ready": True}
+    assert found == {"budgets": [], "settled": "", "values": "", "ready": True}
     asker = OfLength(5, 5, 0.5, PolytopeComparator(3))
     asker.comparator.lock = threading.Lock()  # so that it cannot be copied
-    assert prospects_of(asker) == {"budgets": [], "settled": "", "ready": True}
+    assert prospects_of(asker) == {"budgets": [], "settled": "", "values": "", "ready": True}
 
 
 def test_the_welcome_forecasts_nothing_where_an_interview_asks_on_after_its_asker() -> None:
     """Its own questions are not simulated, so what they prove is unknown."""
     asker = OfLength(5, 5, 0.5, PolytopeComparator(3))
     never = prospects_of(asker, enough=lambda result: False)
-    assert never == {"budgets": [], "settled": "", "ready": True}
+    assert never == {"budgets": [], "settled": "", "values": "", "ready": True}
     always = prospects_of(asker, enough=lambda result: True)
     assert always["budgets"] == [ALL] * 3
 

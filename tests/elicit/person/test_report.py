@@ -4,10 +4,11 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from elicit import AnswerLog, Interview, Query, Session, Subject, Words
-from elicit.person.report import ReportDetails, interval_picture, report_page
+from elicit.person.report import COLOURS, ReportDetails, interval_picture, report_page
 from tests.browser_cases import QUESTIONS, Listed
 from tests.page_parts import Parts
 
@@ -128,7 +129,7 @@ def test_the_scale_of_a_report_is_drawn_to_its_numbers(end: dict[str, Any]) -> N
     assert ("width", "24.0%") in placed
     assert ("cx", "40.40%") in placed
     assert [page.tags.count(tag) for tag in ("svg", "rect", "circle", "ul", "li")] == [
-        4,
+        5,  # three levels, and the axis above them, or on a narrow page below them
         3,
         3,
         3,
@@ -194,3 +195,37 @@ def test_the_counts_of_an_answer_add_up(tmp_path: Path) -> None:
     for side in (sides[: sides.index("B: ")], sides[sides.index("B: ") :]):
         assert sum(map(int, re.findall(r"\d+", side))) == 4
     assert sum(map(int, re.findall(r"\d+", same))) == 6
+
+
+# what people see who lack the cones for long, or for middle wavelengths (Machado and others, 2009)
+SEEN = {
+    "most people": np.eye(3),
+    "protanopia": np.array(
+        [[0.1523, 1.0526, -0.2049], [0.1145, 0.7863, 0.0992], [-0.0039, -0.0481, 1.052]]
+    ),
+    "deuteranopia": np.array(
+        [[0.3673, 0.8606, -0.2279], [0.2801, 0.6725, 0.0474], [-0.0118, 0.0429, 0.9689]]
+    ),
+}
+
+
+@pytest.mark.parametrize("seen", SEEN)
+@pytest.mark.parametrize("page", ["light", "dark"])
+def test_the_colours_of_neighbouring_levels_differ_to_everybody(page: str, seen: str) -> None:
+    """Distances in CIELAB, of which about 2 are just seen."""
+    to_xyz = np.array(
+        [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+    )
+    rgb = np.array(COLOURS[page]) / 255
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    xyz = np.clip(linear @ SEEN[seen].T, 0, 1) @ to_xyz.T / [0.9505, 1, 1.089]
+    x, y, z = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116).T
+    lab = np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)]).T
+    apart = np.linalg.norm(np.diff(lab, axis=0), axis=1)
+    assert apart.min() >= (16 if page == "light" else 6)
+
+
+def test_a_fraction_in_the_headline_stays_on_one_line(end: dict[str, Any]) -> None:
+    said = {**end, "headline": "It comes within 1 in 100 of your ideal plan."}
+    html = report_page("Mine", "today", said, [], False, ReportDetails())
+    assert "It comes within 1\u00a0in\u00a0100 of your ideal plan." in html

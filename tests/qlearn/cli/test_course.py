@@ -101,23 +101,28 @@ class Person:
         return self.screen
 
 
-def interviewed(says: Says, log: AnswerLog | None = None, **how: Any) -> Any:
-    """The screen at the end of an interview, and the stages on the way there."""
-    told = taught()
+def interviewed(says: Says, log: AnswerLog | None = None, until: str = "", **how: Any) -> Any:
+    """The screen at the end of an interview, and the stages on the way there.
+
+    With ``until`` the person wants the values, too.
+    """
+    told = taught("posterior" if until else "polytope")
     with (
         Session(told.make, log if log is not None else AnswerLog(), audit=0.1) as session,
         Interview(session, told.subject) as interview,
     ):
         person = Person(interview, says, **how)
+        person.screen = interview.handle({"do": "start", "until": until})
         person.until("end", MOST)
         while person.screen["stage"] == "conflict":  # which the last answer may have made
             person.step()
         return person.screen, person.stages
 
 
+@pytest.mark.parametrize("until", ["", "values"])
 @pytest.mark.parametrize("choice", ALIKE)
-def test_one_who_always_says_the_same_gets_an_end_that_says_so(choice: str) -> None:
-    screen, stages = interviewed(lambda _: choice)
+def test_one_who_always_says_the_same_gets_an_end_that_says_so(choice: str, until: str) -> None:
+    screen, stages = interviewed(lambda _: choice, until=until)
     assert screen["stage"] == "end"
     assert stages.count("question") <= MOST
     assert screen["end"]["caution"]
@@ -194,7 +199,7 @@ def test_after_few_answers_only_what_holds_for_every_plausible_scale_is_claimed(
         scales = plausible(session, scaled(60, 400))
         assert len(scales) > 20
         bound = re.search(
-            r"It could still fall ([\d.]+) in 100 short of your ideal plan\.", end["headline"]
+            r"So far your plan comes within ([\d.]+) in 100 of your ideal plan\.", end["headline"]
         )
         assert (bound is None) == (answers == 0)
         plan = np.array([int(row["action"]) for row in interview.table("plan")])
@@ -253,7 +258,9 @@ def test_with_a_posterior_changes_are_listed_if_they_hold_with_its_confidence() 
         assert listed
         assert end["sure"].startswith("With 95% probability, your plan falls at most ")
         assert "short of your ideal plan, the one for your exact values." in end["sure"]
-        assert end["size"].startswith("That is at most as much as if ")
+        assert end["size"].startswith(
+            "Your plan could still be worse than your ideal plan, by at most as much as if "
+        )
 
 
 def test_where_nothing_is_at_stake_nothing_is_asked_and_that_is_said() -> None:
@@ -450,6 +457,7 @@ def test_after_the_end_more_is_asked_and_who_takes_answers_back_hears_if_it_is_s
         def widths(end: dict[str, Any]) -> float:
             return sum(float(row["high"] - row["low"]) for row in end["scale"])
 
+        assert after["counts"]["repeated"] > before["counts"]["repeated"]  # these are checked, too
         assert before["settled"]
         assert widths(after) < widths(before)
         assert after["settled"]
@@ -487,7 +495,9 @@ def test_who_wants_the_values_is_asked_until_no_range_is_wide(until: str, tmp_pa
         assert roughly == (widest > 40)
         assert end["status"] == ("Settled" if not roughly else "Enough for this result")
         kept = [one.metadata.get("choices") for one in log.asked if one.metadata.get("choices")]
-        assert kept[-1]["values"] == bool(until)  # so a session that is resumed goes on as far
+        assert kept[-1]["width"] == (
+            40 if until else None
+        )  # so a session that is resumed goes on as far
         person.screen = interview.handle({"do": "more"})
         more = person.until("end")["end"]
         widths = [row["high"] - row["low"] for row in more["scale"]]
@@ -673,6 +683,26 @@ def test_the_welcome_says_what_each_budget_will_likely_prove() -> None:
             r"Half of the simulated sessions took at most \d+ questions, about \d+ minutes?\.",
             found["settled"],
         )
+        assert re.fullmatch(
+            r"In all it mostly takes \d+ to \d+ questions, about \d+ to \d+ minutes\.",
+            found["values"],
+        )
+
+
+@pytest.mark.parametrize("seed", quick_first(range(6), 2))
+def test_most_learn_their_values_in_as_many_questions_as_the_welcome_says(seed: int) -> None:
+    told, of = taught("posterior"), np.random.default_rng(seed)
+    with (
+        Session(told.make, AnswerLog(), audit=0.1, seed=seed) as session,
+        Interview(session, told.subject) as interview,
+    ):
+        person = Person(interview, truthful(np.sort(np.r_[0, of.random(3), 1])))
+        said = interview.handle({"do": "prospects"})["values"]
+        least, most = map(int, re.findall(r"\d+", said)[:2])
+        person.screen = interview.handle({"do": "start", "until": "values"})
+        end = person.until("end")
+        assert least <= end["answered"] <= most
+        assert max(row["high"] - row["low"] for row in end["end"]["scale"]) <= 41
 
 
 @pytest.mark.slow

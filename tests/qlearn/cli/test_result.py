@@ -45,6 +45,10 @@ def test_it_says_what_the_answers_say_and_leaves_the_log_as_it_is(
     assert [row["id"] for row in answers] == [e.answer.query.id for e in AnswerLog.read(log)]
     scale = [*csv.DictReader(Path("found/scale.csv").read_text().splitlines())]
     assert [row["level"] for row in scale] == ["well", "ill", "died"]
+    assert {(row["who"], row["problem"]) for row in scale} == {("", "care")}
+    given = {row["level"]: (row["low_if_no_mistake"], row["high_if_no_mistake"]) for row in scale}
+    assert given["well"] == given["died"] == ("", "")
+    assert all(float(ends[0]) <= float(ends[1]) for ends in [given["ill"]])
     policy = json.loads(Path("found/choice.json").read_text())
     assert sum(row["choice"] == "chosen" for row in policy) == 1
     for row in policy:  # numbers are no texts

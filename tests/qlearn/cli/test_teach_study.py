@@ -186,6 +186,7 @@ def test_options_that_are_for_one_person(capsys: pytest.CaptureFixture[str]) -> 
         (("--web", "--invite", "2", "--log", "x.jsonl"), "--log is for one person"),
         (("--web", "--invite", "2", "--who", "ann"), "--who is for one person"),
         (("--web", "--invite", "2", "--questions", "9"), "--questions is for one person"),
+        (("--web", "--invite", "2", "--until", "settled"), "--until is for one person"),
     ):
         assert main(["teach", *options]) == 1
         assert said in " ".join(capsys.readouterr().err.split())

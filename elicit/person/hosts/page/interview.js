@@ -9,7 +9,7 @@ const KEYS = { ArrowLeft: "a", a: "a", ArrowRight: "b", b: "b", ArrowDown: "equa
 // From the worst level to the best, on a light and on a dark page: from red to blue, which nearly everybody tells apart,
 // and each lighter than the one before. All stand out from what is behind them by at least 3:1.
 const COLOURS = {
-  light: [[71, 18, 9], [110, 33, 3], [104, 75, 9], [59, 108, 120], [46, 132, 169], [88, 150, 226]],
+  light: [[41, 14, 38], [117, 12, 40], [105, 74, 21], [59, 108, 120], [46, 132, 169], [88, 150, 226]],
   dark: [[205, 76, 47], [219, 118, 46], [217, 161, 63], [145, 203, 209], [167, 220, 246], [212, 235, 253]],
 };
 const NUMBERS = ["no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"];
@@ -58,7 +58,7 @@ export function mount(root, send, options = {}) {
   const note = part("p", "note", { role: "status" });
   const trying = part("div", "trying"); // a button beside the note
   const remarks = part("div", "remarks", { id: "elicit-remarks" }); // why a question is put, and the like
-  // one box for both; a question has room for two lines here
+  // one box for both; a question has room for a line here
   const slot = part("div", "slot", {}, [part("div", "said", {}, [note, " ", remarks]), trying]);
   const waiting = part("p", "waiting", { role: "status" });
   const body = part("div", "body");
@@ -247,7 +247,8 @@ export function mount(root, send, options = {}) {
     const views = { stage: stages[screen.stage], answers, pause, legend: meaning };
     remarks.replaceChildren();
     const [at, ...parts] = views[view]();
-    const heading = part("h1", "heading", { tabindex: "-1" }, at.heading);
+    const words = at.heading.map((one) => (typeof one === "string" ? unbroken(one) : one));
+    const heading = part("h1", "heading", { tabindex: "-1" }, words);
     if (remarks.firstChild) heading.setAttribute("aria-describedby", remarks.id); // they stand above it
     body.replaceChildren(heading, ...parts);
     sheet.dataset.stage = view === "stage" ? screen.stage : view;
@@ -275,7 +276,7 @@ export function mount(root, send, options = {}) {
     drawn = true;
   }
 
-  // The answers are at the same place in every question. What is above them gets room for two lines of notes and for the
+  // The answers are at the same place in every question. What is above them gets room for a line of notes and for the
   // usual sentences, and the sides get room for every level and for the most circles, as far as the window has it. A
   // narrow page has room for one or the other, and questions of many have a room of their own there. Room that is left
   // over is at the top. A long note, and long words in the head, take of that room what they need. A question that needs
@@ -423,11 +424,12 @@ export function mount(root, send, options = {}) {
     who.disabled = Boolean(known); // the log is this person's
     who.addEventListener("input", () => (typed.who = who.value));
     const choices = budgets.map((one) => [`${one.minutes}`, `${one.minutes} minutes`, `about ${one.questions} questions`]);
-    choices.push(["", "Until the result is settled", "stop any time"]);
-    if (least) choices.push(["values", "Until the values are known, too", "some more questions, about single levels"]);
+    choices.push([SETTLED, "Until the result is settled", "fewer questions; some values may stay unknown"]);
+    if (least) choices.unshift([VALUES, "Until your values are known", "the usual choice; stop any time"]);
+    const usual = least ? VALUES : SETTLED;
     const radios = choices.map(([value, words, label]) => {
       const input = part("input", "", { type: "radio", name: "elicit-budget", value });
-      input.checked = value === (typed.minutes ?? "");
+      input.checked = value === (typed.minutes ?? usual);
       input.setAttribute("aria-describedby", "elicit-likely");
       input.addEventListener("change", () => {
         typed.minutes = value;
@@ -439,9 +441,9 @@ export function mount(root, send, options = {}) {
     // the forecast of the chosen time is below Start, which so does not move when it comes or changes
     const likely = part("p", "soft small likely", { id: "elicit-likely" });
     const start = () => {
-      const time = body.querySelector("input[name='elicit-budget']:checked")?.value ?? "";
-      const until = time === "values" ? time : "";
-      show({ do: "start", who: who.value, minutes: until ? "" : time, until }, "The interview has not started yet.");
+      const time = body.querySelector("input[name='elicit-budget']:checked")?.value ?? usual;
+      const chosen = [VALUES, SETTLED].includes(time) ? { minutes: "", until: time } : { minutes: time, until: SETTLED };
+      show({ do: "start", who: who.value, ...chosen }, "The interview has not started yet.");
     };
     const says = [
       ["You compare.", `${compare} There is no right or wrong answer.`],
@@ -472,7 +474,7 @@ export function mount(root, send, options = {}) {
   }
 
   const fewest = (least) =>
-    least ? `We ask at least ${least} questions, checks of earlier answers included, before we call the result settled.` : "";
+    least ? `We ask at least ${least} questions, checks of earlier answers included, before we call the result settled. Some questions come a second time, which shows how steady answers are.` : "";
 
   function question() {
     const asked = screen.question;
@@ -595,7 +597,7 @@ export function mount(root, send, options = {}) {
     const sooner = screen.time.planned && (!beside.to_come || screen.budget - screen.answered <= beside.to_come[1]);
     progress.lastChild.textContent = sooner
       ? planned(screen.time, screen.saved, screen.budget - screen.answered)
-      : `${toCome(beside.to_come, screen.time.pace, beside.at_least, beside.near)}${beside.rose ? ROSE : ""}`;
+      : `${toCome(beside.to_come, screen.time.pace, beside.at_least, beside.near)}${beside.rose ? `: ${beside.forecast}` : ""}`;
     fill(beside);
     steady(); // the words in the head may be two lines now
     const why = body.querySelector(".why");
@@ -603,8 +605,8 @@ export function mount(root, send, options = {}) {
     const said = beside.why.length || beside.ready ? beside.why : ["Still being worked out ..."];
     const unsaid = said.filter((line) => !screen.question.check.includes(line)); // the note above says the others
     const lines = said.length ? unsaid : ["Its answer tells most about what is still open."];
-    const all = [...lines, beside.forecast].filter(Boolean);
-    why?.toggleAttribute("hidden", !all.length);
+    const all = [...lines, beside.rose ? "" : beside.forecast].filter(Boolean);
+    if (!all.length) all.push("The note above the question says why.");
     why?.append(...all.map((line) => part("p", "", {}, [line])));
   }
 
@@ -623,13 +625,13 @@ export function mount(root, send, options = {}) {
   function sayLikely() {
     const place = body.querySelector(".likely");
     if (!place || !prospects) return;
-    const { budgets, settled, ready } = prospects;
-    const all = [...body.querySelectorAll("input[name='elicit-budget']")];
-    const chosen = all.findIndex((one) => one.checked);
-    const value = all[chosen]?.value;
-    const found = value === "" ? settled : budgets[chosen];
+    const { budgets, settled, values, ready } = prospects;
+    const value = body.querySelector("input[name='elicit-budget']:checked")?.value;
+    const at = screen.welcome.budgets.findIndex((one) => `${one.minutes}` === value);
+    const found = value === VALUES ? values : value === SETTLED ? settled : budgets[at];
     const none = ready ? (budgets.length || settled ? "" : UNFORESEEN) : "Trying to foresee how far each choice of time gets\u00a0...";
-    say(place, value === "values" ? AND_VALUES : found ? `${found} ${SIMULATED}` : none);
+    const goal = value === VALUES ? `${AND_VALUES} ` : "";
+    say(place, `${goal}${found ? `${found} ${SIMULATED}` : none}`.trim());
   }
 
   function end() {
@@ -891,7 +893,7 @@ const LINES = 2; // of the sentences above the sides
 const BETWEEN = .42; // of a line, between two of them
 const LINES_OF_DURATION = 2; // on a narrow page
 const MOST_LINES = 5; // of circles: ten in a line, and at most 50
-const LINE_OF_CIRCLES = { wide: 1.12, narrow: .96 }; // em, with the gap below it
+const LINE_OF_CIRCLES = { wide: 1.24, narrow: .96 }; // em, with the gap below it
 const BELOW = { wide: 9.3, narrow: 4.7 }; // em that the other answers take below the sides, and on a wide page what follows
 const BARS_OF_BROWSER = 120; // px
 const STEPS = 2; // how many times as far as expected the bar goes at one answer, unless that is not half the way
@@ -906,10 +908,11 @@ const RESULT = { words: "Working out your result ...", after: 50 };
 const PREPARING = "This takes a few seconds. The first start on a computer compiles, which takes up to two minutes.";
 const TRY = "Practice question: your answer is not saved.";
 const BARS = "These numbers are too large to draw circles, so the length of a bar shows how many.";
-const ROSE = " (more than expected)";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
 const UNFORESEEN = "How far each choice of time gets cannot be foreseen here. You will see it as you go.";
-const AND_VALUES = "After the result is settled, questions about the levels follow, until the range of each is no wider than 40 of 100.";
+const VALUES = "values"; // choices of time that are no minutes
+const SETTLED = "settled";
+const AND_VALUES = "Once the result is settled, questions about single levels follow, until the value of each is known to within 40 of 100.";
 const MEANT = "If no answer is a mistake"; // head of a column
 const MISTAKES = "Allowing for mistakes"; // head of the column beside it
 const GIVEN = "It was given when the program was started.";
@@ -965,6 +968,9 @@ export function button(name, words, done, key, shortcut) {
   made.addEventListener("click", done);
   return made;
 }
+
+// "1 in 100" does not end one line and begin the next.
+const unbroken = (text) => text.replace(/(\d) in (\d)/g, "$1\u00a0in\u00a0$2");
 
 export function section(title, inside) {
   return part("section", "part", {}, [part("h2", "", {}, [title]), ...inside]);
@@ -1073,7 +1079,7 @@ function worth(scale, certainty, notes, small) {
   const ends = `From 0 (“${worst}”) to 100 (“${best}”).`;
   const said = [
     `A level at 60 is as good to you as 60 of 100 at “${best}” and 40 at “${worst}”.`,
-    `Dot: best guess. ${both ? "Thick bar: range if no answer is a mistake. Dashed bar: range allowing for mistakes" : "Bar: range"} (${certainty}).`,
+    `Dot: best guess. ${both ? "Thick bar: range if no answer is a mistake. Thin bar: range allowing for mistakes" : "Bar: range"} (${certainty}).`,
   ].join(" ");
   // roles, because a narrow page lays the rows out as a grid, which takes the table's own roles away
   const table = part("table", both ? "worth both" : "worth", { role: "table" }, [

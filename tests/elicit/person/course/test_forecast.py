@@ -46,6 +46,15 @@ def test_a_range_is_not_widened_while_one_question_is_read() -> None:
     assert left.shown((1, 40), 1, 2) == (3, 11)
 
 
+def test_that_more_questions_come_is_said_only_where_the_number_shown_is_greater() -> None:
+    left = QuestionsLeft()
+    assert left.shown((4, 6), 0, 0) == (4, 6)
+    assert left.shown((7, 7), 1, 7) == (7, 7)
+    assert left.rose
+    assert left.shown((7, 7), 2, 7) == (7, 7)  # one more in all, and the same number as before
+    assert not left.rose
+
+
 def test_without_forecasts_the_last_range_counts_down() -> None:
     left = QuestionsLeft()
     assert not left.known
@@ -77,7 +86,8 @@ def test_a_forecast_is_never_below_what_must_come() -> None:
 
 @pytest.mark.parametrize("checked", [False, True])
 def test_a_loss_that_rose_says_why(checked: bool) -> None:
-    for loss, before in ((None, 0.1), (0.1, None), (0.02, 0.02), (0.02, 0.03)):
+    same = (0.0201, 0.0205), (0.02004, 0.02001)  # that the person reads as the same number
+    for loss, before in ((None, 0.1), (0.1, None), (0.02, 0.02), (0.02, 0.03), *same):
         assert rise(loss, Stated(before, checked)) is None
     assert "varies a little" in str(rise(0.0301, Stated(0.03, checked)))
     said = str(rise(0.04, Stated(0.03, checked)))

@@ -21,7 +21,7 @@ CHOSEN = st.builds(
     offered=COUNTS,
     heard=COUNTS,
     stopped=st.booleans(),
-    more=st.booleans(),
+    width=st.none() | st.floats(1, 100),
     other=st.booleans(),
     slowed=st.booleans(),
     passed=st.lists(st.lists(st.text(max_size=4)).map(tuple), max_size=3).map(tuple),
@@ -48,6 +48,22 @@ def test_what_a_line_keeps_is_read_again(chosen: Choices) -> None:
 )
 def test_what_is_not_of_its_kind_is_as_at_the_start(kept: Any) -> None:
     assert Choices.of([Asked(QUERY, metadata={CHOICES: kept})]) == Choices()
+
+
+@pytest.mark.parametrize(
+    ("kept", "width"),
+    [
+        ({"more": True, "values": True}, 2.0),
+        ({"more": True}, 2.0),
+        ({"values": True}, 40.0),
+        ({"more": False, "values": False}, None),
+        ({"width": 40}, 40.0),
+        ({"width": -1}, None),
+        ({"width": True}, None),
+    ],
+)
+def test_records_of_earlier_versions_say_how_far_questions_go_on(kept: Any, width: Any) -> None:
+    assert Choices.of([Asked(QUERY, metadata={CHOICES: kept})]).width == width
 
 
 def test_a_conflict_that_was_left_is_known_in_any_order() -> None:

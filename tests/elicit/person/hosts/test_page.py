@@ -1300,7 +1300,7 @@ def test_what_was_typed_on_the_welcome_stays_there(windows: Windows) -> None:
     with served(windows.log, words=replace(WORDS, duration="Each for a year."), least=1) as server:
         page = windows.open(server)
         at(page, "Welcome")
-        assert page.get_by_label("Until the result is settled").is_checked()
+        assert page.get_by_label("Until your values are known").is_checked()
         page.fill("#elicit-who", "Ann")
         page.get_by_label("10 minutes").check()
         for leave in (lambda: page.keyboard.press("Escape"), page.go_back):
@@ -1595,3 +1595,29 @@ def test_an_offer_leads_back_to_itself_and_an_early_end_has_no_bar(windows: Wind
         name(page, "Finish now and show the result").click()
         stage(page, "end")
         assert not page.locator(".meter").is_visible()
+
+
+def test_why_is_at_every_question_also_where_the_note_above_says_it(windows: Windows) -> None:
+    note = "This is the same question again, because you took back your answer to it."
+
+    def outlook(route: Any) -> None:
+        message = route.request.post_data_json
+        if message["do"] != "outlook":
+            route.continue_()
+        else:
+            reply = {"id": message["id"], "why": [note], "to_come": None, "ready": True}
+            route.fulfill(json=reply)
+
+    with served(windows.log) as server:
+        page = windows.open(server)
+        page.route("**/api", outlook)
+        practise(page)
+        click(page, "a")
+        at(page, "Question 2")
+        page.click("summary")
+        page.get_by_text(note).wait_for()  # no note says it
+        page.keyboard.press("u")
+        at(page, "Question 1")
+        page.click("summary")
+        page.get_by_text("The note above the question says why.").wait_for()
+        assert page.get_by_text(note).count() == 1

@@ -1,5 +1,6 @@
 """Outcomes of a plan are counted exactly, in words and as numbers, where that can be said."""
 
+import re
 from typing import Any
 
 import numpy as np
@@ -151,8 +152,44 @@ def test_each_changed_state_says_how_many_runs_from_there_end_best() -> None:
         for state, action in zip(found.states.tolist(), found.learned.tolist(), strict=True):
             with_it, without = (1000 * moves[state, a] @ well for a in (action, found.equal[state]))
             ours = f"with it {with_it:.0f} of 1,000 recover"
-            assert said[state] == f"{ours}, with equal steps {without:.0f}"
+            assert said[state].said("recover") == f"{ours}, with equal steps {without:.0f}"
             states += 1
         assert not effects_of(told_of(mdp, ("die", "", "", "")), mdp, found)
         assert not effects_of(told_of(mdp, ()), mdp, found)
     assert states > 2
+
+
+def test_where_fewer_recover_with_an_action_a_sentence_says_what_is_traded() -> None:
+    seen = set()
+    for seed in (2, 5):
+        mdp = ward(seed=seed)
+        plans = DecidedPlans(mdp, 1e-3)
+        learner = InteractivePolicyIteration(
+            mdp, PolytopeComparator(4), bags=Bags(10), tolerance=1e-3
+        )
+        tutor = FlippingTutor(np.array([0, 0.02, 0.97, 1.0]), 0.0)
+        while queries := learner.ask():
+            learner.tell([tutor(query) for query in queries])
+            told = told_of(mdp)
+            found = policy_conclusion(told, plans, mdp.action_name, learner.result(), None)
+            assert found.changes is not None
+            for table, action in (
+                (found.changes, "the change"),
+                (found.changes.open, "the other action"),
+            ):
+                if table is None:
+                    continue
+                said = re.search(
+                    rf"(Here|In all of these states|In (\d+) of these states) fewer patients would "
+                    rf"recover with {action}: your answers also weigh the time ",
+                    table.note,
+                )
+                numbers = [
+                    re.findall(r"with it (\d+) of .* steps (\d+)", row[4]) for row in table.rows
+                ]
+                fewer = sum(int(ours) < int(theirs) for [(ours, theirs)] in numbers)
+                assert (said is not None) == (fewer > 0)
+                if said is not None:
+                    assert int(said[2] or len(table.rows)) == fewer
+                    seen.add((action, said[1][:4]))
+    assert {action for action, _ in seen} == {"the change", "the other action"}

@@ -135,9 +135,7 @@ def test_a_plan_changes_only_what_is_certain_and_says_what_is_not_decided(
         else:
             assert "might change" not in note + found_now.reason
         if not n:  # nothing claims a change, and the first lines say so
-            unchanged = "our answers do not change the plan. The plan is "
-            if found_now.settled and rest:
-                unchanged = f"your answers keep the plan in {8 - rest} of 8 states. The plan comes "
+            unchanged = "s the one for equal steps between the levels."
             assert unchanged in found_now.headline or not len(result.answers)
             same = "In all 8 states the plan is the one with equal steps "
             if rest:
@@ -205,14 +203,14 @@ def test_a_plan_that_leaves_states_open_is_not_said_to_be_settled() -> None:
             kinds = [row[2] for row in found.plan.rows]
             n, rest = kinds.count("changed"), kinds.count("not decided")
             seen.add((n > 0, min(rest, 2)))
-            assert ("The plan is settled" in found.headline) == (not n and not rest)
-            assert found.headline.startswith("Your plan is settled") == (n > 0 and not rest)
+            assert found.headline.startswith("Your plan is settled") == (not rest)
+            assert ("is the one for equal steps" in found.headline) == (not n)
             if rest:
                 kept = kinds.count("as with equal steps")
                 said = "Compared with equal steps between the levels, your answers change the plan "
                 said += f"in {n} of 8 states."
                 if not n:
-                    said = f"So far your answers do not change the plan. In {rest} of 8 states they"
+                    said = "So far your plan is the one for equal steps between the levels. The "
                 assert found.headline.startswith(said)
                 other = "one" if rest == 1 else f"{rest}"
                 little = (
@@ -437,7 +435,8 @@ def test_the_lead_over_the_second_is_said_and_holds_for_every_plausible_scale(na
         assert found.changes is not None
         best, rows = names.index(result.name), {row[0]: row for row in found.changes.rows}
         said = re.fullmatch(
-            r"“(\w+)” is (-?\d+|less than 1) of 100 ahead of the second, “(\w+)” "
+            r"On the scale from 0 \(all “dead”\) to 100 \(all “good”\), "
+            r"“(\w+)” is worth (-?\d+|less than 1) more than the second, “(\w+)” "
             r"\(best guess(?:; (at least as good|at least (\d+) more), "
             r"(with 95% probability|for all values that fit your answers))?\)\. "
             r"In 100 people it has (.*) in place of (.*)\. "
@@ -482,8 +481,9 @@ def test_a_lead_by_the_order_of_the_levels_alone_is_said_to_be_that() -> None:
     result = choose(shares, PolytopeComparator(3), names=names).result()
     found = choice_conclusion(told, names, shares, result, None)
     assert found.reason == (
-        "“x” is 15 of 100 ahead of the second, “y” (best guess; at least 10 more, for all "
-        "values that fit your answers). In 100 days it has 10 more “good” and 10 more “middle” in "
+        "On the scale from 0 (all “bad”) to 100 (all “good”), “x” is worth 15 more than the "
+        "second, “y” (best guess; at least 10 more, for all values that fit your answers). In 100 "
+        "days it has 10 more “good” and 10 more “middle” in "
         "place of 20 “bad”. By the order of the levels alone that is better."
     )
     alone = choose(shares[:1], PolytopeComparator(3), names=names[:1]).result()
