@@ -414,8 +414,9 @@ class Beside(Closing):
         self._may_change = not (session.is_repeat(shown.id) or shown.id.startswith(ORDER))
         asker = session.current_asker()
         enough, more = subject.enough, self._chosen.all_told
-        if not subject.least or (subject.enough_is_slow and session.next_told() is not None):
-            enough = None
+        known = more or to_narrow[1] > 0 or session.next_told() is not None
+        if not subject.least or (subject.enough_is_slow and known):
+            enough = None  # more questions come in any case
         asks_on = enough is not None and not enough(session.result())
         self._levels_left, self._to_narrow = None, to_narrow
         if (more or asks_on) and isinstance(asker, Compares):

@@ -237,6 +237,11 @@ class NextQuestion:
             return check  # otherwise all checks would come in a row at the end
         if needed and not few and self._session.audits and conduct.unresolved:
             few = self._session.confirming() is None  # then there is more to put again
+        # that it is sure enough may take seconds to find, and matters only if nothing else is left
+        if self._chosen.all_told or self.to_narrow()[1]:
+            check = self._session.checking()
+            if (found := check or self.about_a_level(few)) is not None:
+                return found
         enough = self._subject.enough
         unsure = needed and not few and enough is not None and not enough(self._session.result())
         if unsure:
@@ -244,10 +249,7 @@ class NextQuestion:
                 return check
             # where little is left to gain, questions whose answers follow from others add nothing
             few = self.nearly(conduct) is None
-        wanted = self._chosen.all_told or self.to_narrow()[1] > 0
-        if wanted and (check := self._session.checking()) is not None:
-            return check
-        if (unsure or few or wanted) and (found := self.about_a_level(few)) is not None:
+        if (unsure or few) and (found := self.about_a_level(few)) is not None:
             return found
         return self._session.confirming() if needed or self._chosen.all_told else None
 

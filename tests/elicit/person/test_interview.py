@@ -219,3 +219,31 @@ def test_where_no_answer_narrows_a_range_an_interview_for_the_values_ends_all_th
     assert screen["stage"] == "end"
     about = sum(entry.answer.query.id.startswith("level/") for entry in log)
     assert 5 < about <= 2 * questions_to_narrow([100.0])[1]
+
+
+def test_while_ranges_are_narrowed_no_answer_waits_for_whether_the_result_is_sure_enough() -> None:
+    looked: list[int] = []
+
+    def enough(result: int) -> bool:
+        looked.append(result)
+        return True
+
+    subject = Subject(LABELS, enough=enough, enough_is_slow=True)
+    with (
+        Session(lambda known: Listed(QUESTIONS[:1], known), AnswerLog(), audit=0) as session,
+        Interview(session, subject) as interview,
+    ):
+        interview.handle({"do": "practised", "choice": "a"})
+        screen = interview.handle({"do": "start", "until": "values"})
+        waited = []
+        while screen["stage"] == "question":
+            waited.append((session.next_told() is None, len(looked)))
+            put = screen["question"]
+            apart = sum(
+                [0.0, 0.65, 1.0][row["level"]] * (row["a"] - row["b"]) for row in put["rows"]
+            )
+            choice = "a" if apart > 0 else "b"
+            screen = interview.handle({"do": "answer", "id": put["id"], "choice": choice})
+    assert sum(over for over, _ in waited) > 2
+    assert looked  # at the end
+    assert waited[-4][1] == 0
