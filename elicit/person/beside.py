@@ -23,7 +23,7 @@ from elicit.model.query import Answer, Query, Verdict
 from elicit.person.asker import AfterAnswer, Asker, Compares, Supposed, tell
 from elicit.person.course.conduct import AGAIN, LEAST_CHECKS, ORDER, Conduct
 from elicit.person.course.consequences import Consequences
-from elicit.person.course.forecast import QuestionsLeft, Stated
+from elicit.person.course.forecast import QuestionsLeft
 from elicit.person.course.kept_in_log import Choices
 from elicit.person.course.level_questions import FURTHER, LEVEL, questions_left
 from elicit.person.course.offers import nearly_from
@@ -40,7 +40,7 @@ _FEWEST = (
     "“At least {n} more” are the answers and checks without which no result is called settled."
 )
 _AFTER_THESE = "How many follow after them depends on what you answer, and cannot be said yet."
-_ROSE = "your last answers left more open"
+_ROSE = "the new forecast is longer"
 _ROSE_BY_CHECK = "two answers differed, so a few more are checked"
 _NO_FORECAST = (
     "How many more questions follow depends on what you answer, and cannot be said yet. You can "
@@ -243,7 +243,7 @@ class Beside(Closing):
         self._conduct = Conduct.of(())  # before this question
         self._left = QuestionsLeft()
         self._all_told = chosen.all_told
-        self._stated = Stated()
+        self._stated: float | None = None  # the loss that was last stated
         self._near: bool | None = None  # at the last question that has notes
         self._results: tuple[tuple[Asker, Any], ...] = ()  # after the last answer
         # questions about levels, this one included, after "ask me more" or until it is enough
@@ -482,10 +482,8 @@ class Beside(Closing):
         if now is None or outlook is None:
             return
         self._near = outlook.near
-        if not outlook.counted:
-            self._stated = self._stated._replace(checked=True)
-        elif outlook.loss is not None and not now.shown.startswith(ORDER):
-            self._stated = Stated(outlook.loss)
+        if outlook.counted and outlook.loss is not None and not now.shown.startswith(ORDER):
+            self._stated = outlook.loss
 
     def told_ahead(self, asker: Asker, answer: Answer) -> AfterAnswer | None:
         """Return the asker after an answer if it was made ahead, and stop other computations."""
@@ -513,7 +511,7 @@ class Beside(Closing):
         """
         self._note(self._beside)
         if not answered:
-            self._stated = Stated()  # it is no longer compared with: other answers stand
+            self._stated = None  # it is no longer compared with: other answers stand
             self._near = None
         self._beside = self._weighed = None
         self._since = []

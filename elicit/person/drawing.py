@@ -40,6 +40,7 @@ from elicit.person.findings import (
     narrowing,
     scale_notes,
     scale_rows,
+    values_in_words,
 )
 from elicit.person.next_question import NextQuestion
 from elicit.person.outlook import Prospect
@@ -447,6 +448,7 @@ class Drawing:
             "sure": printable(sure),
             "next": printable(after),
             "before": printable(before),
+            "values": values_in_words(rows) if rows and conduct.with_verdict else "",
             "caution": caution,
             "remarks": self._remarks() if subject.least else [],
             "settled": settled,

@@ -18,13 +18,15 @@ from elicit.person.course.ranges import draws_again, value_ranges
 from elicit.person.showing import printable
 from elicit.tutors.answer_log import Entry
 
-_WIDE = 10.0
-"""Width of a range, of 100, up to which a best guess is always shown."""
 _FEW = 3  # levels that are named in a sentence
-_MOST_OF_ROOM = 1 / 3  # share of the room between the neighbours that a wider range may cover
+_AT_AN_END = 1.0  # a best guess is said to lie at an end of a range from so near on, of 100
 
 _NOT_KNOWN = "“Not known yet” (no dot): no answer is about it, or none narrows its range."
-_ROUGHLY = "Hollow dot: a rough best guess, “about” so much."
+_ROUGHLY = f"Hollow dot: a rough best guess, “about” so much, of a range wider than {WIDE:.0f}."
+_PULLED = (
+    "A best guess weighs all answers, and allows for a mistake in each. So it may lie at an end of "
+    "the range if no answer is a mistake."
+)
 _WIDE_BUT_HEARD = (
     "{named} still {has} a wide range although you answered about {it}, because any one answer may "
     "be a mistake."
@@ -51,10 +53,7 @@ class ScaleRow(NamedTuple):
     The interval is rounded outwards to whole numbers. ``asked`` is False if no answer is about the
     level: its best guess then comes from the program, not from the person.
 
-    ``known`` is False if the best guess says too little to be shown. Either no answer is about the
-    level, or its interval is wider than 10 and covers more than a third of the room between its
-    neighbours. That room is from the low end of the next worse level to the high end of the next
-    better one.
+    ``known`` is False if no answer is about the level, or its interval is wider than ``WIDE``.
 
     ``rough`` is True if the level is not ``known``, but answers are about it and its interval is
     less than the whole scale. Its best guess is "about" 75, where that of another level is "not
@@ -78,6 +77,18 @@ def guess_in_words(value: float, known: bool, rough: bool) -> str:
     if known:
         return f"{value:.0f}"
     return f"about {value:.0f}" if rough else "not known yet"
+
+
+def values_in_words(rows: Iterable[ScaleRow]) -> str:
+    """Return the best guess of each row in one sentence, such as "well 100, ill about 40, dead 0".
+
+    Parameters
+    ----------
+    rows : sequence of ScaleRow
+        The levels, best first.
+    """
+    said = [f"{row.label} {guess_in_words(row.value, row.known, row.rough)}" for row in rows]
+    return f"{', '.join(said)}."
 
 
 def given_in(row: ScaleRow, as_given: Sequence[ScaleRow]) -> tuple[float, float] | None:
@@ -126,6 +137,11 @@ def scale_notes(
     notes = _on_wide(rows, comparator, as_given)
     if about_equal > 0 and any(given_in(row, as_given) for row in rows):
         notes.append(_ABOUT_EQUAL.format(within=100.0 * about_equal))
+    ends = [(row.value, given_in(row, as_given)) for row in rows if row.known or row.rough]
+    if any(
+        end and min(abs(v - one) for one in end) <= _AT_AN_END < end[1] - end[0] for v, end in ends
+    ):
+        notes.append(_PULLED)
     if not all(row.rough for row in hollow):
         notes.append(_NOT_KNOWN)
     if any(row.rough for row in hollow):
@@ -179,20 +195,6 @@ def overlap(rows: Sequence[ScaleRow]) -> bool:
     return any(worse.high > better.low for better, worse in pairwise(rows))
 
 
-def is_known(low: float, high: float, worse_low: float, better_high: float) -> bool:
-    """Return whether an interval is narrow enough for its best guess to be shown.
-
-    Parameters
-    ----------
-    low, high : float
-        The interval, from 0 to 100.
-    worse_low, better_high : float
-        The low end of the next worse level, and the high end of the next better one.
-    """
-    width = high - low
-    return bool(width <= _WIDE or width <= _MOST_OF_ROOM * (better_high - worse_low))
-
-
 def asked_levels(log: Iterable[Entry]) -> set[int]:
     """Return the levels (0 the worst) that an informative answer is about.
 
@@ -234,13 +236,11 @@ def scale_rows(
         low[-1] = 100.0
     if open_step[0] != 0:
         high[0] = 0.0
-    worse_low, better_high = np.r_[0.0, low[:-1]], np.r_[high[1:], 100.0]
     rows = []
     for level, label in enumerate(labels):
         ends = float(low[level]), float(high[level])
         has = level in asked
-        room = float(worse_low[level]), float(better_high[level])
-        known = has and is_known(*ends, *room)
+        known = has and ends[1] - ends[0] <= WIDE
         rough = has and not known and ends != (0.0, 100.0)
         rows.append(ScaleRow(printable(label), float(values[level]), *ends, has, known, rough))
     return rows[::-1]

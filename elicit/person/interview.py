@@ -29,7 +29,7 @@ from elicit.person.course import offers
 from elicit.person.course.conduct import Conduct
 from elicit.person.course.counts import Counts, number_of
 from elicit.person.course.kept_in_log import CHOICES, START, Choices
-from elicit.person.course.level_questions import FURTHER, NARROW, WIDE
+from elicit.person.course.level_questions import GUARDS, NARROW, WIDE
 from elicit.person.course.pace import FEW_HASTY, Pace
 from elicit.person.drawing import Drawing
 from elicit.person.mending import Mending
@@ -321,7 +321,7 @@ class Interview(Closing):
         needed = self._questions.still_needed(conduct, shown_now.id)
         near, only = self._questions.nearness(conduct), self._questions.only_checks()
         check = self._mending.note(query)
-        reason = FURTHER if self._mending.is_implied(query) else ""
+        reason = GUARDS if self._mending.is_implied(query) else ""
         narrow = self._questions.to_narrow()
         self._beside.accompany(shown_now, conduct, needed, only, near, reason, narrow)
         return {

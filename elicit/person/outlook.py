@@ -21,7 +21,7 @@ from elicit.model.scale import Floats
 from elicit.person.asker import Asker, Compares, tell
 from elicit.person.course.conclusion import listed
 from elicit.person.course.conduct import LEAST_CHECKS
-from elicit.person.course.forecast import Stated, rise
+from elicit.person.course.forecast import rise
 from elicit.person.course.ranges import value_ranges
 from elicit.person.showing import Shown, printable
 from elicit.tutors.erring_tutor import says_left
@@ -110,8 +110,8 @@ class Outlook:
         """Returns steps to go through if ``near``. It is set before ``steps``, if at all."""
         self.reason = ""
         """Why the question comes, if that is not what is open. It is set before ``steps``."""
-        self.stated = Stated()
-        """The loss that was last stated to the person. It is set before ``steps``."""
+        self.stated: float | None = None
+        """The loss that was last stated to the person, if any. It is set before ``steps``."""
         self.why: tuple[str, ...] = ()
         """The reason why the question is asked, in sentences."""
         self.to_come: tuple[int, int] | None = None

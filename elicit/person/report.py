@@ -124,7 +124,13 @@ ENOUGH = "Enough for this result"
 NEARLY = "Nearly settled"
 """The status of a result by which little can be lost, although questions are left."""
 
-NAMED = {"sure": "How sure", "size": "How close", "next": "Next", "before": "Before"}
+NAMED = {
+    "values": "Your values, from 0 to 100",
+    "sure": "How sure",
+    "size": "How close",
+    "next": "Next",
+    "before": "Before",
+}
 """The names of parts of a conclusion on screens and in reports, in their order."""
 
 
@@ -448,9 +454,11 @@ def interval_picture(
     )
     fill = 'fill="none"' if colour is None else f'class="level" style="{colour}"'
     dashed = ' stroke-dasharray="4 3"' if colour is None else ""
+    if given is not None and given[1] - given[0] >= high - low:
+        given = None
     dot = (
-        f'<circle cx="{value:.2f}%" cy="50%" r="3.5" fill="#14202b" stroke="#fff" '
-        'stroke-width="1.5"/>'
+        f'<circle cx="{value:.2f}%" cy="50%" r="4.5" fill="#14202b" stroke="#fff" '
+        'stroke-width="1"/>'
     )
     if colour is None:
         dot = (

@@ -120,29 +120,15 @@ class _Total(NamedTuple):
     rough: bool = False
 
 
-class Stated(NamedTuple):
-    """The loss that was last stated to the person.
-
-    Attributes
-    ----------
-    loss : float or None
-        A share of the value range; None if none was stated.
-    checked : bool
-        True if an earlier question was put again since then.
-    """
-
-    loss: float | None = None
-    checked: bool = False
-
-
-def rise(loss: float | None, stated: Stated, exact: bool = False) -> str | None:
-    """Return a sentence on why a loss is greater than the one last stated, or None if it is not.
+def rise(loss: float | None, before: float | None, exact: bool = False) -> str | None:
+    """Return a sentence on why a loss is greater than the one stated before, or None if it is not.
 
     Parameters
     ----------
     loss : float or None
         The loss now; None if unknown.
-    stated : Stated
+    before : float, optional
+        The loss that was last stated to the person.
     exact : bool
         True if the loss is proven for every scale that fits the answers, and not estimated.
 
@@ -150,23 +136,18 @@ def rise(loss: float | None, stated: Stated, exact: bool = False) -> str | None:
     -------
     str or None
     """
-    before, checked = stated
     if loss is None or before is None or not loss > before:
         return None
     if per_hundred(loss) == per_hundred(before):
         return None  # the number that is shown is the same
-    said = (
-        "That is more than before: your answers since then show that more values are plausible "
-        "than it seemed. This is normal, and more answers narrow them again."
-    )
     if exact:
-        said = (
-            "That is more than before: your answers since then changed the plan, and less is known "
-            "yet about the new one. This is normal."
-        )
-    elif loss <= before * (1.0 + _ESTIMATE):
+        return "This number can rise from one question to the next, if an answer changes the plan."
+    if loss <= before * (1.0 + _ESTIMATE):
         return (
-            "That is about what it was before. It is estimated from a sample of the values that "
-            "fit your answers, and varies a little."
+            "It is estimated from a sample of the values that fit your answers, and varies a "
+            "little."
         )
-    return f"{said} The check in between did not change it." if checked else said
+    return (
+        "This number can rise from one question to the next, if an answer shows that more values "
+        "are plausible than it seemed."
+    )

@@ -14,13 +14,15 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from elicit.person.course.level_questions import NARROW, WIDE
+from elicit.person.course.level_questions import NARROW
 from elicit.tutors.answer_log import Asked
 
 CHOICES = "choices"
 """The metadata field of an asked question that holds the person's choices, if they changed."""
 START = "start"
 """The metadata field of an asked question that holds the state before the first answer."""
+
+_WIDE_BEFORE = 40.0  # width up to which questions went on by a record of an earlier version
 
 
 @dataclass
@@ -110,7 +112,9 @@ def _width_in(kept: Mapping[str, Any]) -> float | None:
     width: Any = kept.get("width")
     if type(width) in (int, float) and 0 < width <= 100:
         return float(width)
-    return NARROW if kept.get("more") is True else WIDE if kept.get("values") is True else None
+    if kept.get("more") is True:
+        return NARROW
+    return _WIDE_BEFORE if kept.get("values") is True else None
 
 
 class Before(NamedTuple):

@@ -27,11 +27,13 @@ _FEWEST = 0.5  # questions for each halving that an interval needs, at the fewes
 _MOST = 1.6  # the same, at the most
 _GRID = 1e-6  # grid for comparing widths, so that no rounding decides
 
-WIDE = 40.0
+WIDE = 20.0
 """Width of a range, of 100, from which it is called wide."""
 _FOR_EACH, _FOR_EACH_HALVING = 2.0, 2.5  # questions at the most, for a wide range
 FURTHER = "With more answers the result depends less on any single one."
 """The reason for a question about a level, if the result is not settled."""
+GUARDS = "Earlier answers bear on this question. It guards against a mistake in any one of them."
+"""The reason for a question whose answer follows from others."""
 
 
 class _LevelPair(NamedTuple):
@@ -193,7 +195,7 @@ def purpose_of(
     said = f"This question narrows what “{labels[level]}” is worth to you."
     if until is None:
         return f"{said} {FURTHER}"
-    return f"{said[:-1]}, until that is known to within {until:.0f} of 100."
+    return f"{said[:-1]}, until its range is at most {until:.0f} wide, on the scale from 0 to 100."
 
 
 def order_question(k: int, level: int) -> Query:

@@ -16,15 +16,16 @@ from elicit.person.findings import (
     ScaleRow,
     given_in,
     guess_in_words,
-    is_known,
     narrowing,
     overlap,
     scale_notes,
     scale_rows,
+    values_in_words,
 )
 from tests.thoroughness import quick_first
 
 LABELS = ("died", "ill", "fair", "well")
+ROUGH = "Hollow dot: a rough best guess, “about” so much, of a range wider than 20."
 ABOVE_80 = (  # differences of two groups of 10, and the verdict on each
     ((-5, 0, 0, 10, 0, -5), 1),
     ((-5, 0, 10, 0, 0, -5), -1),
@@ -39,22 +40,6 @@ ABOVE_80 = (  # differences of two groups of 10, and the verdict on each
 )
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "worse_low", "better_high", "known"),
-    [
-        (0, 100, 0, 100, False),
-        (50, 100, 0, 100, False),
-        (20, 50, 0, 100, True),
-        (60, 70, 55, 70, True),  # narrow, whatever lies beside it
-        (0, 30, 0, 35, False),  # all that its neighbours leave
-    ],
-)
-def test_a_wide_range_is_not_known_yet(
-    low: float, high: float, worse_low: float, better_high: float, known: bool
-) -> None:
-    assert is_known(low, high, worse_low, better_high) is known
-
-
 def test_rows_after_one_answer_say_what_is_known_and_that_ranges_overlap() -> None:
     query = Query("q", np.array([0, 1.0, 0, 0]), np.array([0.7, 0, 0, 0.3]))
     log = AnswerLog(k=4)
@@ -62,7 +47,7 @@ def test_rows_after_one_answer_say_what_is_known_and_that_ranges_overlap() -> No
     comparator = PolytopeComparator(4)
     comparator = comparator.update(Answers(query.d[None, :], [-1]))
     rows = {row.label: row for row in scale_rows(comparator, LABELS, log)}
-    assert (rows["ill"].low, rows["ill"].high, rows["ill"].known) == (0, 30, True)
+    assert (rows["ill"].low, rows["ill"].high, rows["ill"].known) == (0, 30, False)
     assert (rows["fair"].asked, rows["fair"].known, rows["fair"].rough) == (False, False, False)
     assert rows["well"].known
     assert rows["died"].known
@@ -94,7 +79,7 @@ def test_a_best_guess_in_a_wide_range_is_called_inexact_and_the_reason_is_said()
     assert (ill.low, ill.high) != (0, 100)
     notes = " ".join(scale_notes(found, comparator, settled=True))
     assert "“Not known yet” (no dot): no answer is about it" in notes  # fair
-    assert "Hollow dot: a rough best guess, “about” so much. The result allows" in notes
+    assert f"{ROUGH} The result allows" in notes
     wide = f"“ill” ({ill.low:.0f} to {ill.high:.0f}) still has a wide range although you answered "
     assert notes.startswith(f"{wide}about it, because any one answer may be a mistake. “Not known")
     narrow = [row._replace(low=row.high - 40) if row is ill else row for row in found]
@@ -111,25 +96,47 @@ def test_a_best_guess_in_a_wide_range_is_called_inexact_and_the_reason_is_said()
     assert "The result allows for all that is still possible for “ill”, and" in notes
     assert "does not need to know it more exactly" in notes
     notes = " ".join(scale_notes(without, PolytopeComparator(4), settled=False))
-    assert "Hollow dot: a rough best guess, “about” so much. The result" in notes
+    assert f"{ROUGH} The result" in notes
     assert "still has a wide range. More answers about it would narrow it. " in notes
     assert notes.count("does not need") == notes.count("mistake") == 0
 
 
 def test_the_note_on_wide_ranges_names_the_levels_whose_best_guess_is_about() -> None:
     ends = [ScaleRow("well", 100, 100, 100), ScaleRow("died", 0, 0, 0)]
-    for high in (40, 41, 39):
+    for high in (20, 21, 19):
         row = ScaleRow("ill", 7, 0, high, known=False, rough=True)
         notes = scale_notes([ends[0], row, ends[1]], PosteriorComparator(3), settled=True)
         assert guess_in_words(row.value, row.known, row.rough) == "about 7"
         assert notes[0].startswith(f"“ill” (0 to {high}) still has a wide range ")
         said = narrowing([ends[0], row, ends[1]], PosteriorComparator(3))
-        assert ("questions would narrow every range to a width of 40 or less." in said) == (
-            high > 40
+        assert ("questions would narrow every range to a width of 20 or less." in said) == (
+            high > 20
         )
-        assert bool(said) == (high > 40)
+        assert bool(said) == (high > 20)
         assert not narrowing([ends[0], row, ends[1]], PolytopeComparator(3))
         assert any(note.startswith("Hollow dot") for note in notes)
+
+
+@pytest.mark.parametrize(("width", "known"), [(19.0, True), (20.0, True), (21.0, False)])
+def test_a_range_of_at_most_twenty_has_an_exact_best_guess(width: float, known: bool) -> None:
+    said = 0.01 * width
+    log, rows = AnswerLog(k=3), []
+    for n, share in enumerate((0.4, 0.4 + said)):  # ill is worth more than the first only
+        query = Query(f"q{n}", np.array([0, 1.0, 0]), np.array([1 - share, 0, share]))
+        log.append(Answer(query, Verdict.BETTER if n == 0 else Verdict.WORSE))
+        rows.append(query.d)
+    known_now = PolytopeComparator(3).update(Answers(rows, [1, -1]))
+    ill = scale_rows(known_now, ("died", "ill", "well"), log)[1]
+    assert (ill.low, ill.high, ill.known) == (40, 40 + width, known)
+    assert values_in_words([ill]) == f"ill {guess_in_words(ill.value, known, not known)}."
+
+
+@pytest.mark.parametrize(("value", "said"), [(30.0, True), (31.0, True), (40.0, False)])
+def test_a_best_guess_at_an_end_of_a_range_is_explained(value: float, said: bool) -> None:
+    ends = [ScaleRow("well", 100, 100, 100), ScaleRow("died", 0, 0, 0)]
+    rows = [ends[0], ScaleRow("ill", value, 20, 60), ends[1]]
+    notes = scale_notes(rows, PosteriorComparator(3), True, [ScaleRow("ill", 45, 30, 55)])
+    assert any("may lie at an end of the range" in note for note in notes) == said
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import pytest
 
 from elicit import AnswerLog, Interview, Session, Subject
 from elicit.person.course.counts import Counts, number_of
-from elicit.person.course.level_questions import FURTHER
+from elicit.person.course.level_questions import GUARDS
 from tests.browser_cases import LABELS, QUESTIONS, Listed
 
 SAME = "This is the same question again, because you took back your answer to it"
@@ -33,7 +33,7 @@ def test_a_question_that_earlier_answers_decide_does_not_lead_to_that_answer(lea
             id = screen["question"]["id"]
             assert screen["question"]["check"] == ""
             why = interview.handle({"do": "outlook", "id": id})["why"]
-            found[id] = FURTHER in why
+            found[id] = GUARDS in why
             assert not (found[id] and len(why) > 1)
             said = choice(session, 0.65)
             screen = interview.handle({"do": "answer", "id": id, "choice": said})
@@ -51,7 +51,7 @@ def test_a_question_that_one_earlier_answer_decides_speaks_of_one_answer() -> No
         screen = answered(interview, screen, choice(session, 0.65))
         id = screen["question"]["id"]
         assert screen["question"]["check"] == ""
-        assert interview.handle({"do": "outlook", "id": id})["why"] == [FURTHER]
+        assert interview.handle({"do": "outlook", "id": id})["why"] == [GUARDS]
 
 
 def test_a_question_that_comes_again_keeps_its_number_and_says_why() -> None:

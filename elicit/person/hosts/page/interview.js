@@ -604,7 +604,7 @@ export function mount(root, send, options = {}) {
     why?.querySelectorAll("p").forEach((p) => p.remove());
     const said = beside.why.length || beside.ready ? beside.why : ["Still being worked out ..."];
     const unsaid = said.filter((line) => !screen.question.check.includes(line)); // the note above says the others
-    const lines = said.length ? unsaid : ["Its answer tells most about what is still open."];
+    const lines = said.length ? unsaid : ["Of all questions that could come now, this one is expected to narrow the result most."];
     const all = [...lines, beside.rose ? "" : beside.forecast].filter(Boolean);
     if (!all.length) all.push("The note above the question says why.");
     why?.append(...all.map((line) => part("p", "", {}, [line])));
@@ -645,7 +645,7 @@ export function mount(root, send, options = {}) {
     if (screen.end.effect) top.push(part("p", "reason", {}, [screen.end.effect]));
     if (screen.end.reason) top.push(part("p", "reason", {}, [screen.end.reason]));
     const { sure, size, before, next, given: gave, checks, by_chance: chance } = screen.end;
-    const main = [["How sure", sure], ["How close", size], ["Next", next]];
+    const main = [["Your values, from 0 to 100", screen.end.values], ["How sure", sure], ["How close", size], ["Next", next]];
     const further = [["Before", before], ["You gave", gave], ["Checks", `${checks} ${chance}`.trim()]];
     top.push(facts(small ? main : [...main, ...further]));
     for (const said of remarks) top.push(part("p", "caution", {}, [said]));
@@ -912,7 +912,7 @@ const SIMULATED = "These forecasts are from simulated people whose values differ
 const UNFORESEEN = "How far each choice of time gets cannot be foreseen here. You will see it as you go.";
 const VALUES = "values"; // choices of time that are no minutes
 const SETTLED = "settled";
-const AND_VALUES = "Once the result is settled, questions about single levels follow, until the value of each is known to within 40 of 100.";
+const AND_VALUES = "Some questions are about single levels, until the range of each is at most 20 wide, on the scale from 0 to 100.";
 const MEANT = "If no answer is a mistake"; // head of a column
 const MISTAKES = "Allowing for mistakes"; // head of the column beside it
 const GIVEN = "It was given when the program was started.";
@@ -1131,7 +1131,7 @@ export function interval(low, value, high, colour, asked, rough = false, taken =
   }
   const end = low === high;
   if (end) parts.push(painted(svg("circle", { class: "fixed", cx: `${value}%`, cy: "50%", r: 7 }), colour));
-  else if (asked) parts.push(svg("circle", { class: "guess", cx: `${value}%`, cy: "50%", r: 3 }));
+  else if (asked) parts.push(svg("circle", { class: "guess", cx: `${value}%`, cy: "50%", r: 4 }));
   else if (rough) parts.push(svg("circle", { class: "roughly", cx: `${value}%`, cy: "50%", r: 4 }));
   return svg("svg", { class: "interval", "aria-hidden": "true", focusable: "false" }, [...grid, ...parts]);
 }

@@ -1523,6 +1523,7 @@ def test_on_a_phone_the_first_two_screens_of_a_result_say_all_that_matters(
         click(page, "a")
         at(page, "Result")
         assert page.locator(".facts:visible dt").all_inner_texts() == [
+            "Your values, from 0 to 100",
             "How sure",
             "How close",
             "Next",
