@@ -68,9 +68,10 @@ $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "Python 3.11 or later is needed; name one with: make PYTHON=python3.12"; exit 1; }
 	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install $(PIP) --upgrade pip  # an old one takes long to choose versions
 	$(BIN)/python -m pip install $(PIP) -e .
 	$(BIN)/python -m qlearn.warm_up & compiling=$$!; \
-	  $(BIN)/python -m pip install $(PIP) -e '.[dev]' && wait $$compiling
+	  $(BIN)/python -m pip install $(PIP) 'elicit-qlearn[dev]' && wait $$compiling
 	touch $@
 
 clean:

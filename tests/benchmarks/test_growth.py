@@ -41,7 +41,11 @@ def test_a_cell_that_fails_is_said_to(monkeypatch):
     assert growth.series("answers", "box", (10, 20), 0, 1.0).left_out == "10 answers: out of memory"
 
 
-COSTLY = ("Q-learning, box", "Q-learning, posterior")
+COSTLY = (
+    "Q-learning, box",
+    "Q-learning, posterior",
+    "values known: QuantEcon, modified policy iteration",  # which compiles code of its own
+)
 
 
 @pytest.mark.parametrize(
