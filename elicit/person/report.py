@@ -55,7 +55,7 @@ thead th, thead td { font-size: .85rem; color: var(--soft); border-top: 0; verti
 .scale tbody * { vertical-align: middle; } .nr { width: 3.2rem; overflow-wrap: normal; } .when { width: 9.6rem; } .remarks { width: 20%; }
 .marked td { font-weight: 600; background: var(--tint); }
 .chosen { font-size: .85em; border: 1px solid var(--link); color: var(--link); border-radius: 6px; padding: 0 .4em; white-space: nowrap; }
-.levels th { width: 34%; }
+.levels th { width: 34%; } .many th:first-child { width: 26%; }
 svg { display: block; width: 100%; overflow: visible; }
 .conflict { border: 1.5px solid var(--warn); background: var(--warn-tint); border-radius: 8px; padding: .2rem 1rem;
   margin: .8rem 0; }

@@ -240,7 +240,7 @@ class Conduct:
             if n == 1 and not alike:
                 answered = "was answered against it"
             said.append(f"{asked} the order of the levels, and {answered}.")
-        cases, by_coin = self.cases, "Answers at random would do as well in"
+        cases, by_coin = self.cases, "Tossing a coin would do as well in"
         if cases < 2:
             said += [f"{by_coin} half of all interviews or more.", _SHOWS_LITTLE]
             return " ".join(said)

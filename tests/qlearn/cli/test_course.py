@@ -143,7 +143,7 @@ def test_most_who_answer_by_chance_get_an_end_that_says_so() -> None:
         end = screen["end"]
         said += end["caution"] is not None
         # who passes all checks by chance cannot be told from one who means it
-        assert "Answers at random would do as well in " in end["by_chance"]
+        assert "Tossing a coin would do as well in " in end["by_chance"]
         if end["caution"] is None and end["settled"]:
             cases = int(re.search(r"in 1 of (\d+) interviews", end["by_chance"])[1])
             assert cases >= 25

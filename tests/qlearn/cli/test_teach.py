@@ -722,7 +722,7 @@ def test_icu_sepsis_is_asked_about_patients(
     assert code == 0
     assert shown.startswith("ICU-Sepsis\nThe patients are alike at the start.")
     assert (
-        "Question 1 (about 12 to 36 more)\n\nTwo groups of 10 patients: which is better off?"
+        "Question 1 (about 10 to 37 more)\n\nTwo groups of 10 patients: which is better off?"
         in shown
     )
     assert icu_sepsis().labels[0] in shown

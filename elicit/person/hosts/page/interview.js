@@ -446,7 +446,7 @@ export function mount(root, send, options = {}) {
       show({ do: "start", who: who.value, ...chosen }, "The interview has not started yet.");
     };
     const says = [
-      ["You compare.", `${compare} There is no right or wrong answer.`],
+      ["You compare.", `${compare} There is no right or wrong answer: your own judgement counts.`],
       ["The program learns.", purpose || "It works out how good each level is to you."],
       seen,
     ].map(([title, text]) => part("p", "step", {}, [part("b", "", {}, [title]), ` ${text}`]));
@@ -905,7 +905,7 @@ const GETTING_READY = "Getting ready ...";
 const LONG_AFTER = 8000; // ms after which a wait is explained
 const LONG = "This takes longer on a busy computer. You can wait, or come back to this page later: nothing is lost.";
 const RESULT = { words: "Working out your result ...", after: 50 };
-const PREPARING = "This takes a few seconds. The first start on a computer compiles, which takes up to two minutes.";
+const PREPARING = "This takes a few seconds. The first start on a computer takes up to two minutes.";
 const TRY = "Practice question: your answer is not saved.";
 const BARS = "These numbers are too large to draw circles, so the length of a bar shows how many.";
 const SIMULATED = "These forecasts are from simulated people whose values differ.";
