@@ -62,6 +62,7 @@ MINUTES = (5, 10, 20)
 """Minutes that the welcome offers."""
 
 _TABLES = ("scale", "plan", "outcomes", "answers")  # that can be downloaded
+_MOST_IN_HEADLINE = 6  # levels between the worst and the best whose values make a headline
 _TELLS = 50  # width of a range, of 100, up to which it is said under a choice in a conflict
 _IF_MEANT = "if every answer is meant as it was given"
 
@@ -434,6 +435,11 @@ class Drawing:
         as_given = self._rows_as_given()
         scale = [row._replace(given=given_in(row, as_given))._asdict() for row in rows]
         settled = found.settled and caution is None and enough
+        inner = rows[1:-1]
+        first = self._chosen.width is not None and bool(conduct.with_verdict) and caution is None
+        if first := first and bool(headline) and 0 < len(inner) <= _MOST_IN_HEADLINE:
+            effect = f"{headline} {effect}".strip()
+            headline = f"Your values, from 0 to 100: {values_in_words(inner)}"
         narrow = narrowing(rows, known) if known is not None and settled and left else ""
         if narrow:
             after = f"{found.next} {narrow}"
@@ -448,7 +454,8 @@ class Drawing:
             "sure": printable(sure),
             "next": printable(after),
             "before": printable(before),
-            "values": values_in_words(rows) if rows and conduct.with_verdict else "",
+            "values": values_in_words(rows) if conduct.with_verdict and not first else "",
+            "values_first": first,
             "caution": caution,
             "remarks": self._remarks() if subject.least else [],
             "settled": settled,

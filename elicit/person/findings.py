@@ -14,7 +14,7 @@ from elicit.model.difference import tail_sums
 from elicit.model.outcomes import assumed_of_answers
 from elicit.person.course.conclusion import listed
 from elicit.person.course.level_questions import WIDE, questions_to_narrow
-from elicit.person.course.ranges import draws_again, value_ranges
+from elicit.person.course.ranges import draws_again, outwards, value_ranges
 from elicit.person.showing import printable
 from elicit.tutors.answer_log import Entry
 
@@ -88,7 +88,12 @@ def values_in_words(rows: Iterable[ScaleRow]) -> str:
         The levels, best first.
     """
     said = [f"{row.label} {guess_in_words(row.value, row.known, row.rough)}" for row in rows]
-    return f"{', '.join(said)}."
+    return f"{', '.join(said)}." if said else ""
+
+
+def is_narrower(given: Sequence[float] | None, low: float, high: float) -> bool:
+    """Return whether the range if no answer is a mistake is known, and less than the whole one."""
+    return given is not None and given[1] - given[0] < high - low
 
 
 def given_in(row: ScaleRow, as_given: Sequence[ScaleRow]) -> tuple[float, float] | None:
@@ -135,10 +140,11 @@ def scale_notes(
     """
     hollow = [row for row in rows if not row.known]
     notes = _on_wide(rows, comparator, as_given)
-    if about_equal > 0 and any(given_in(row, as_given) for row in rows):
-        notes.append(_ABOUT_EQUAL.format(within=100.0 * about_equal))
     ends = [(row.value, given_in(row, as_given)) for row in rows if row.known or row.rough]
-    if any(
+    shown = any(is_narrower(given_in(row, as_given), row.low, row.high) for row in rows)
+    if shown and about_equal > 0:
+        notes.append(_ABOUT_EQUAL.format(within=100.0 * about_equal))
+    if shown and any(
         end and min(abs(v - one) for one in end) <= _AT_AN_END < end[1] - end[0] for v, end in ends
     ):
         notes.append(_PULLED)
@@ -229,9 +235,7 @@ def scale_rows(
     open_step = unordered_of(comparator) or (-1, -1)
     low, high = value_ranges(comparator, draws_again(comparator))
     values = 100.0 * best_guess(comparator)
-    # rounded outwards, so that the statement holds
-    low = np.clip(np.floor(100.0 * low + 1e-6), 0, 100)
-    high = np.clip(np.ceil(100.0 * high - 1e-6), 0, 100)
+    low, high = outwards(low, high)
     if open_step[1] != k - 1:
         low[-1] = 100.0
     if open_step[0] != 0:

@@ -29,7 +29,7 @@ from elicit.person.course import offers
 from elicit.person.course.conduct import Conduct
 from elicit.person.course.counts import Counts, number_of
 from elicit.person.course.kept_in_log import CHOICES, START, Choices
-from elicit.person.course.level_questions import GUARDS, NARROW, WIDE
+from elicit.person.course.level_questions import GUARDS, WIDE
 from elicit.person.course.pace import FEW_HASTY, Pace
 from elicit.person.drawing import Drawing
 from elicit.person.mending import Mending
@@ -545,9 +545,7 @@ class Interview(Closing):
             self._chosen.heard = conduct.given
         self._chosen.offered = conduct.put
         if self._session.question() is None:  # first until no range is wide, as the result says
-            again, self._chosen.width = self._chosen.width is not None, WIDE
-            if again or not self._questions.to_narrow()[1]:
-                self._chosen.width = NARROW
+            self._chosen.width = self._questions.next_width()
         return self._screen()
 
     def _settle(self, id: str, choice: str) -> dict[str, Any]:

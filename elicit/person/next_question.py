@@ -18,15 +18,17 @@ from elicit.person.course.conduct import IN_CONFLICT, ORDER, SETTLED, Conduct
 from elicit.person.course.counts import status_of
 from elicit.person.course.kept_in_log import Before, Choices, Start
 from elicit.person.course.level_questions import (
+    FINE,
     LEVEL,
     NARROW,
+    WIDE,
     known_question,
     level_question,
     order_question,
     questions_to_narrow,
 )
 from elicit.person.course.offers import NEARLY_FROM, may_be_near
-from elicit.person.course.ranges import draws_again, value_ranges
+from elicit.person.course.ranges import draws_again, outwards, value_ranges
 from elicit.person.findings import asked_levels
 from elicit.person.session import Session
 from elicit.person.showing import Subject, near_in_whole_numbers, shown_of
@@ -107,12 +109,18 @@ class NextQuestion:
             return 0, 0
         known = asker.comparator
         put = sum(entry.answer.query.id.startswith(LEVEL) for entry in self._session.log.standing)
-        if put >= _TIMES * questions_to_narrow([100.0] * (known.k - 2))[1]:
+        if put >= _TIMES * questions_to_narrow([100.0] * (known.k - 2), wanted)[1]:
             return 0, 0  # the answers narrow nothing
-        left = _until_narrow(value_ranges(known))
+        left = _until_narrow(value_ranges(known), wanted)
         if not left[1]:
-            left = _until_narrow(value_ranges(known, draws_again(known)))
+            left = _until_narrow(value_ranges(known, draws_again(known)), wanted)
         return left if left[1] and self.about_a_level() is not None else (0, 0)
+
+    def next_width(self) -> float:
+        """Return the width to which questions would narrow ranges next, if the person goes on."""
+        now = self._chosen.width
+        steps = [width for width in (WIDE, FINE) if now is None or width < now]
+        return next((width for width in steps if self.to_narrow(width)[1]), NARROW)
 
     def still_needed(self, conduct: Conduct, id: str) -> tuple[int, int]:
         """Return the numbers of answers, and of checks, that must come after this question."""
@@ -254,10 +262,13 @@ class NextQuestion:
         return self._session.confirming() if needed or self._chosen.all_told else None
 
 
-def _until_narrow(ranges: tuple[Floats, Floats]) -> tuple[int, int]:
-    """Return ``questions_to_narrow`` for the low and the high ends (k,) of the levels' ranges."""
-    low, high = ranges
-    return questions_to_narrow((100.0 * (high - low)).tolist())
+def _until_narrow(ranges: tuple[Floats, Floats], width: float) -> tuple[int, int]:
+    """Return ``questions_to_narrow`` for the low and the high ends (k,) of the levels' ranges.
+
+    They are rounded as the result shows them.
+    """
+    low, high = outwards(*ranges)
+    return questions_to_narrow((high - low).tolist(), width)
 
 
 def _in_whole_numbers(

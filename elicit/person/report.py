@@ -9,7 +9,7 @@ from html import escape
 from typing import Any
 
 from elicit.person.course.counts import Counts, in_answers
-from elicit.person.findings import guess_in_words
+from elicit.person.findings import guess_in_words, is_narrower
 
 # from the worst level to the best, as the page interview.js has them
 COLOURS = {
@@ -387,8 +387,8 @@ def about_scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> str:
 
 
 def _has_given(rows: Sequence[Mapping[str, Any]]) -> bool:
-    """Return whether the range if no answer is a mistake is known of some level."""
-    return any(row.get("given") for row in rows)
+    """Return whether the range if no answer is a mistake is less than the whole one somewhere."""
+    return any(is_narrower(row.get("given"), row["low"], row["high"]) for row in rows)
 
 
 def _scale(
@@ -454,8 +454,7 @@ def interval_picture(
     )
     fill = 'fill="none"' if colour is None else f'class="level" style="{colour}"'
     dashed = ' stroke-dasharray="4 3"' if colour is None else ""
-    if given is not None and given[1] - given[0] >= high - low:
-        given = None
+    given = given if is_narrower(given, low, high) else None
     dot = (
         f'<circle cx="{value:.2f}%" cy="50%" r="4.5" fill="#14202b" stroke="#fff" '
         'stroke-width="1"/>'

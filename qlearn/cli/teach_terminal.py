@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from elicit._support.file_errors import in_words
 from elicit.person.course.counts import Counts, in_answers
-from elicit.person.findings import ScaleRow, guess_in_words
+from elicit.person.findings import ScaleRow, guess_in_words, is_narrower
 from elicit.person.interview import Interview, Subject
 from elicit.person.report import NAMED
 from elicit.person.session import Session
@@ -366,7 +366,7 @@ def scale_report(rows: Sequence[ScaleRow], certainty: str, width: int) -> list[s
     The best level comes first, values run from 0 to 100, and lines have at most ``width`` columns.
     """
     name = min(max(len(row.label) for row in rows), width - 24)
-    has_given = any(row.given for row in rows)
+    has_given = any(is_narrower(row.given, row.low, row.high) for row in rows)
     bar = min(_BAR, width - name - 27 - 11 * has_given)
     between = f"range if no answer is a mistake, range {certainty}"
     said = (

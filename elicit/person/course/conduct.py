@@ -72,9 +72,14 @@ def choice_of(answer: Answer) -> Kind:
 def repeats_in(log: Iterable[Entry]) -> list[Entry]:
     """Return the answers to repeated questions that count.
 
-    Those are the ones that stand, and those replaced when the person settled a difference.
+    Those are the ones that stand, those replaced when the person settled a difference, and those
+    that differed and were taken back: a mistake that was mended on being asked is still one.
     """
-    return [entry for entry in log if entry.repeat and (entry.stands or was_settled(entry))]
+    return [
+        entry
+        for entry in log
+        if entry.repeat and (entry.stands or was_settled(entry) or differs(entry))
+    ]
 
 
 def was_settled(entry: Entry) -> bool:
@@ -240,7 +245,7 @@ class Conduct:
             if n == 1 and not alike:
                 answered = "was answered against it"
             said.append(f"{asked} the order of the levels, and {answered}.")
-        cases, by_coin = self.cases, "Tossing a coin would do as well in"
+        cases, by_coin = self.cases, "Guessing would do as well in"
         if cases < 2:
             said += [f"{by_coin} half of all interviews or more.", _SHOWS_LITTLE]
             return " ".join(said)

@@ -16,6 +16,7 @@ from elicit.model.comparator import Comparator, bounds_of, value_bounds
 from elicit.model.query import Query
 from elicit.model.scale import Floats
 from elicit.person.course.conduct import ORDER
+from elicit.person.course.ranges import value_ranges
 
 LEVEL = "level/"
 """Start of the id of a question about a level."""
@@ -29,6 +30,8 @@ _GRID = 1e-6  # grid for comparing widths, so that no rounding decides
 
 WIDE = 20.0
 """Width of a range, of 100, from which it is called wide."""
+FINE = 10.0
+"""Width to which questions narrow ranges that are not wide, if the person goes on."""
 _FOR_EACH, _FOR_EACH_HALVING = 1.0, 2.0  # questions at the most, for a wide range
 FURTHER = "With more answers the result depends less on any single one."
 """The reason for a question about a level, if the result is not settled."""
@@ -146,8 +149,8 @@ def questions_left(comparator: Comparator) -> tuple[int, int] | None:
     return int(_FEWEST * needed), math.ceil(_MOST * needed) + (needed > 0)
 
 
-def questions_to_narrow(widths: Sequence[float]) -> tuple[int, int]:
-    """Return the fewest and the most questions about levels until no range is wider than ``WIDE``.
+def questions_to_narrow(widths: Sequence[float], width: float = WIDE) -> tuple[int, int]:
+    """Return the fewest and the most questions about levels until no range is wider than ``width``.
 
     The learner is a posterior, which allows for mistakes. A question narrows mostly one range, and
     sometimes two. In sessions of 100 simulated people about 4 and 6 levels, a quarter of whom
@@ -158,6 +161,7 @@ def questions_to_narrow(widths: Sequence[float]) -> tuple[int, int]:
     ----------
     widths : sequence of float
         The width of the range of each level, of 100.
+    width : float
 
     Returns
     -------
@@ -168,8 +172,8 @@ def questions_to_narrow(widths: Sequence[float]) -> tuple[int, int]:
     >>> questions_to_narrow([66.0, 83.0, 12.0])
     (1, 10)
     """
-    wide = [width for width in widths if width > WIDE]
-    halvings = sum(math.log2(width / WIDE) for width in wide)
+    wide = [each for each in widths if each > width]
+    halvings = sum(math.log2(each / width) for each in wide)
     return math.ceil(len(wide) / 2), math.ceil(_FOR_EACH * len(wide) + _FOR_EACH_HALVING * halvings)
 
 
@@ -193,7 +197,8 @@ def purpose_of(
     if not all(math.isfinite(bound[level]) for bound in value_bounds(comparator)):
         return ""
     said = f"This question narrows what “{labels[level]}” is worth to you."
-    if until is None:
+    low, high = value_ranges(comparator)
+    if until is None or 100.0 * (high[level] - low[level]) <= until:
         return f"{said} {FURTHER}"
     return f"{said[:-1]}, until its range is at most {until:.0f} wide, on the scale from 0 to 100."
 

@@ -33,6 +33,13 @@ def value_ranges(comparator: Comparator, draws: Draws | None = None) -> tuple[Fl
     return low, high
 
 
+def outwards(low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    """Return the ends of ranges, from 0 to 1, in whole numbers of 100 that do not narrow them."""
+    return np.clip(np.floor(100.0 * low + 1e-6), 0, 100), np.clip(
+        np.ceil(100.0 * high - 1e-6), 0, 100
+    )
+
+
 def ranges_of(
     comparator: Comparator, d: Floats, draws: Draws | None = None
 ) -> tuple[Floats, Floats]:

@@ -228,7 +228,7 @@ def _recommended(told: InWords, names: Sequence[str], shares: Floats, result: Ch
     named = others[:_FEW_NAMED]
     if not named:
         return said
-    as_good = "About as good" if top in [worth[i] for i in named] else "Nearly as good"
+    as_good = "About as good" if top in [worth[i] for i in named] else "Next best"
     if len(others) == 1:
         second = worth[named[0]]
         against = f"both {top}" if second == top else f"{second} against {top}"
@@ -321,30 +321,35 @@ def _differ(told: InWords, more: Floats) -> str:
     return f"in 100 {printable(told.words.unit)} it has {listed(gained)} in place of {listed(lost)}"
 
 
-def _behind(points: Floats, best: int) -> list[int]:
+def _in_tenths(points: Floats) -> Floats:
+    """Return values, shares of the value range, as numbers of 100 with one decimal."""
+    tenths: Floats = np.rint(1000.0 * points) / 10.0 + 0.0  # which is never -0
+    return tenths
+
+
+def _behind(points: Floats, best: int) -> Floats:
     """Return how much less each alternative is worth than the choice, of 100, by the best guess.
 
-    It is the difference of two numbers as the table has them, which are rounded.
+    It is the difference of two numbers as the table has them, with one decimal.
     """
-    shown = np.rint(100.0 * points).astype(int)
-    behind: list[int] = (shown[best] - shown).tolist()
-    return behind
+    shown = _in_tenths(points)
+    return _in_tenths(0.01 * (shown[best] - shown))
 
 
-def _more(guess: int) -> str:
+def _more(guess: float) -> str:
     """Return in words how much more the choice is worth than an alternative, of 100."""
-    return f"{guess or 'less than 1'}"
+    return f"{guess:.1f}".removesuffix(".0") if guess else "less than 0.1"
 
 
 def _how_sure_of(ahead: _Ahead, i: int) -> str:
     """Return the rest of a bracket: how much more the choice is worth at least, and how sure.
 
-    The result is "" if the alternative may be better. The number of 100 is whole, and rounded down.
+    The result is "" if the alternative may be better. The number, of 100, is rounded down.
     """
     if math.isnan(ahead.confidence) or ahead.least[i] <= -NO_LOSS:
         return ""
-    whole = math.floor(100.0 * float(ahead.least[i]) + _SAME)
-    by = f"at least {whole} more" if whole >= 1 else "at least as good"
+    least = _rounded_down(ahead.least[i])
+    by = f"at least {_more(least)} more" if least > 0 else "at least as good"
     return f"; {by}, {with_probability(ahead.confidence) or _EVERY}"
 
 
@@ -459,9 +464,9 @@ def _worth(
         (
             printable(names[i]),
             *outcomes[i],
-            f"{100 * points[i]:.0f}" if narrow[i] else f"about {100 * points[i]:.0f}",
+            f"{100 * points[i]:.1f}" if narrow[i] else f"about {100 * points[i]:.0f}",
             f"{100 * low[i]:.0f} to {100 * high[i]:.0f}",
-            f"{behind[i]}",
+            f"{behind[i]:.1f}" if narrow[i] and narrow[best] else f"about {behind[i]:.0f}",
         )
         for i in order
     )
@@ -517,13 +522,15 @@ def _to_keep(names: Sequence[str], result: Choice, ahead: _Ahead, worth: _Worth)
     ``worth`` is empty where the range is too wide for a best guess. ``behind_at_least`` is below 0
     where an alternative may be ahead of the choice, and empty where nothing bounds that.
     """
+    best = list(names).index(result.name)
+    tenths, behind = _in_tenths(worth.guess), _behind(worth.guess, best)
     rows = tuple(
         (
             printable(names[i]),
-            _in_hundredths(worth.guess[i]) if worth.narrow[i] else None,
+            float(tenths[i]) if worth.narrow[i] else None,
             _in_hundredths(worth.low[i]),
             _in_hundredths(worth.high[i]),
-            _in_hundredths(ahead.guess[i]),
+            float(behind[i]),
             None if math.isnan(ahead.confidence) else _rounded_down(ahead.least[i]),
             "chosen" if names[i] == result.name else "",
         )
@@ -539,8 +546,8 @@ def _in_hundredths(share: float) -> float:
 
 
 def _rounded_down(share: float) -> float:
-    """Return a lower bound on a share of the value range as a number of 100, to two decimals."""
-    return math.floor(1e4 * float(share) + 1e-9) / 100.0
+    """Return a lower bound on a share of the value range as a number of 100, to one decimal."""
+    return math.floor(1e3 * float(share) + 1e-9) / 10.0
 
 
 def choice_stakes(told: InWords, result: Choice) -> str | None:

@@ -37,7 +37,7 @@ _DAYS = 30  # that the questions are about
 _STEPS_A_DAY = 6  # of 4 hours each
 ICU_DURATION = (
     f"Each patient stays in the condition shown for {_DAYS} days. Compare only these days: the "
-    "plan counts little after them."
+    "plan counts later days less."
 )
 """How long the conditions in a question last, and why no longer."""
 

@@ -642,6 +642,11 @@ export function mount(root, send, options = {}) {
     const rest = small ? fold : section;
     const top = [part("p", settled ? "status good" : "status", {}, [settled ? `✓ ${after}` : after])];
     if (caution) top.push(part("p", "caution", {}, [caution]));
+    const parts = [];
+    // whoever wanted to know the values sees them first
+    if (screen.end.values_first) {
+      parts.push(part("section", "panel", {}, top.splice(0)), worth(scale, certainty, notes, small));
+    }
     if (screen.end.effect) top.push(part("p", "reason", {}, [screen.end.effect]));
     if (screen.end.reason) top.push(part("p", "reason", {}, [screen.end.reason]));
     const { sure, size, before, next, given: gave, checks, by_chance: chance } = screen.end;
@@ -653,10 +658,10 @@ export function mount(root, send, options = {}) {
     const doing = [button("pick", "Download report", () => keep(kept))];
     if (more) doing.push(button("alt", "Ask me more", () => show({ do: "more" })));
     top.push(part("div", "mid closing", {}, [...doing, undoing()]), kept);
-    const parts = [part("section", "panel", {}, top)];
+    parts.push(part("section", "panel", {}, top));
     if (open) parts.push(part("p", "same", {}, [open]));
     parts.push(...conflicts.map(conflict));
-    if (scale.length) parts.push(worth(scale, certainty, notes, small));
+    if (scale.length && !screen.end.values_first) parts.push(worth(scale, certainty, notes, small));
     if (changes) parts.push(changed(changes, rest));
     if (plan) parts.push(whole(plan, rest));
     if (statements.length) parts.push(rest("What else follows", lines(statements)));

@@ -128,7 +128,7 @@ def test_checks_are_passed_or_look_like_chance(
     many = "half of all interviews or more"
     if "half" not in cases:
         many = cases.replace("cases", "interviews")[8:]
-    well = f"Tossing a coin would do as well in {many}. "
+    well = f"Guessing would do as well in {many}. "
     if {"32", "28", "30"} & {*cases.split()}:
         well += "That speaks well for your answers."
     elif {"16", "8"} & {*cases.split()}:
