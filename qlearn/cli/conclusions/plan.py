@@ -74,10 +74,10 @@ def policy_conclusion(
             headline = f"{_decided(told, plans.mdp, found)} {_within(bound, 'the plan')}"
         elif same:
             headline = f"{_STEPS_PLAN} {_within(bound)}"
-        after, more = "You can stop here.", "More answers would make the values below more exact."
+        after, more = "You can stop here.", "More answers would make the values more exact."
         if found.leaning:
             more = (
-                "More answers would make the values below more exact, and may decide more "
+                "More answers would make the values more exact, and may decide more "
                 f"{told.states}."
             )
     else:

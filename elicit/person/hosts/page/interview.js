@@ -645,7 +645,7 @@ export function mount(root, send, options = {}) {
     const parts = [];
     // whoever wanted to know the values sees them first
     if (screen.end.values_first) {
-      parts.push(part("section", "panel", {}, top.splice(0)), worth(scale, certainty, notes, small));
+      parts.push(...top.splice(0), worth(scale, certainty, notes, small));
     }
     if (screen.end.effect) top.push(part("p", "reason", {}, [screen.end.effect]));
     if (screen.end.reason) top.push(part("p", "reason", {}, [screen.end.reason]));
