@@ -77,8 +77,7 @@ def policy_conclusion(
         after, more = "You can stop here.", "More answers would make the values more exact."
         if found.leaning:
             more = (
-                "More answers would make the values more exact, and may decide more "
-                f"{told.states}."
+                f"More answers would make the values more exact, and may decide more {told.states}."
             )
     else:
         headline = f"{_within(bound, 'so far your plan')} It is not settled yet."
