@@ -118,7 +118,7 @@ def test_what_cannot_be_a_part_is_refused_by_its_setting(
         ),
         (
             {"comparators": ["tests.own_cases:broken"]},
-            r"factory, called with \(4, 0\), raised TypeError: broken.. takes 1 positional argument",
+            r"factory, called with \(4, 0\), raised TypeError: broken.. takes 1 positional",
         ),
         (
             {"problems": ["x=tests.own_cases:three"]},
