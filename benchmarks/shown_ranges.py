@@ -20,10 +20,10 @@ from scipy.special import expit
 from scipy.stats import binomtest
 
 from benchmarks.reporting import machine, markdown, publish
-from elicit import AnswerLog, Comparator, Interview, PersonTutor, Query, Session
+from elicit import AnswerLog, Comparator, Interview, PersonTutor, Query, Session, value_bounds
 from elicit.model.scale import Floats
 from elicit.people.rankin import WEIGHTS
-from elicit.person.course.ranges import value_bounds, value_ranges
+from elicit.person.course.ranges import value_ranges
 from elicit.person.findings import scale_rows
 from elicit.person.showing import Subject
 from qlearn.cli.teach_subjects import taught_by

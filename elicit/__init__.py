@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from elicit.diagnostics.held_out import compare_held_out, held_out
     from elicit.diagnostics.tutor_report import tutor_report
     from elicit.lp.prior_inequalities import Inequality, inequalities, inequality
-    from elicit.model.comparator import Comparator, Decisions, Tier
+    from elicit.model.comparator import Comparator, Decisions, Tier, value_bounds
     from elicit.model.comparator_parts import simultaneous_bounds
     from elicit.model.difference import as_differences
     from elicit.model.needs import Needs
@@ -65,7 +65,7 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.person.session": ["Session"],
     "elicit.person.showing": ["Words"],
     "elicit.tutors.answer_log": ["AnswerLog"],
-    "elicit.model.comparator": ["Comparator", "Decisions", "Tier"],
+    "elicit.model.comparator": ["Comparator", "Decisions", "Tier", "value_bounds"],
     "elicit.model.comparator_parts": ["simultaneous_bounds"],
     "elicit.model.needs": ["Needs"],
     "elicit.model.outcomes": ["Status"],
@@ -153,6 +153,7 @@ __all__ = [
     "scale_variable",
     "simultaneous_bounds",
     "tutor_report",
+    "value_bounds",
 ]
 
 

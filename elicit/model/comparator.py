@@ -175,6 +175,29 @@ def bounds_of(comparator: Comparator, d: Floats) -> tuple[Floats, Floats]:
     return both[0], both[1]
 
 
+def value_bounds(comparator: Comparator) -> tuple[Floats, Floats]:
+    """Return bounds on each level's value, on a scale from 0 for the worst to 1 for the best.
+
+    Parameters
+    ----------
+    comparator : Comparator
+
+    Returns
+    -------
+    low, high : (k,) each
+        With the polytope they are proven. With the posterior each of the two ends holds with the
+        probability ``level``, so the range between them has the probability 2 * level - 1: 90% by
+        default.
+
+    Raises
+    ------
+    TypeError
+        If the comparator's ``bounds`` do not return two arrays, the first at most the second.
+    """
+    ends = np.eye(comparator.k) - np.eye(comparator.k)[0]
+    return bounds_of(comparator, ends)
+
+
 def learn(
     comparator: Comparator, answers: Answers, one_by_one: bool
 ) -> tuple[Comparator, NDArray[np.bool_]]:

@@ -188,7 +188,11 @@ def part_parser(check: NameOrOwn) -> Callable[[str], Any]:
             raise argparse.ArgumentTypeError(str(error)) from None
         if value is None:
             choices = ", ".join([*map(repr, check.names), "or your own, as package.module:factory"])
-            raise argparse.ArgumentTypeError(f"invalid choice: {text!r} (choose from {choices})")
+            stem = text.removesuffix(".py")
+            meant = f"; for a function of that file write {stem}:function" if stem != text else ""
+            raise argparse.ArgumentTypeError(
+                f"invalid choice: {text!r} (choose from {choices}){meant}"
+            )
         return value
 
     return parse

@@ -53,8 +53,13 @@ class Own:
         try:
             return self.factory(*arguments, **keywords)
         except Exception as error:
+            given = (*arguments, *keywords.values())
+            called = ", ".join(
+                repr(each) if isinstance(each, int) else type(each).__name__ for each in given
+            )
             raise ValueError(
-                f"{self.name!r}: the factory raised {type(error).__name__}: {error}"
+                f"{self.name!r}: the factory, called with ({called}), raised "
+                f"{type(error).__name__}: {error}"
             ) from error
 
 

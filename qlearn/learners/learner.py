@@ -96,6 +96,7 @@ _SHARE_OF_EQUAL = 0.3
 """
 _MOST_LISTED = 12  # states whose actions are printed one by one; of more, actions are counted
 _LEAST_SHOWN = 1e-6
+_USELESS = 0.5  # a loss bound of this share of the value range tells nobody much
 """The least positive loss bound that is printed, a share of the value range: rounding alone gives
 smaller ones.
 """
@@ -270,11 +271,13 @@ class Result:
         if np.isnan(self.loss_bound):
             return "No bound on the policy's loss can be given."
         share = 0.0 if self.loss_bound == 0 else max(self.loss_bound, _LEAST_SHOWN)
+        worst, best = self.mdp.labels[0], self.mdp.labels[-1]
         return (
             f"The policy loses at most {_rounded_up(100 * share)}% of the value range at the worst "
             f"state ({self._confidence_in_words()}).\n"
-            "100% would be to get the worst level for ever where the best could be had. As a loss "
-            f"of return it is at most {_rounded_up(share / (1 - self.discount))}, if the best "
+            f"That is as much as {_rounded_up(100 * share)} of 100 steps at {worst!r} instead of "
+            f"{best!r}, where later steps count less, by the discount of {self.discount:g}. As a "
+            f"loss of return it is at most {_rounded_up(share / (1 - self.discount))}, if the best "
             "level's reward is 1 more than the worst level's."
         )
 
@@ -348,10 +351,11 @@ class Result:
         if not out_of_reach(self.comparator, self.tolerance, self.budget):
             return ""
         had = tolerance_within_reach(self.comparator, self.budget)
+        possible = f"about {100 * had:.2g}%" if had < _USELESS else "no useful bound"
         return (
             f"By the answers so far the tutor errs so often where two things are close (precision "
             f"{self.comparator.precision:.2g}) that {100 * self.tolerance:.3g}% "  # type: ignore[attr-defined]
-            f"is out of reach within {self.budget:,} questions: about {100 * had:.2g}% can be had."
+            f"is out of reach within {self.budget:,} questions: {possible} can be had."
         )
 
     @property

@@ -175,6 +175,11 @@ def flags(name: str, given: ArrayLike | None, shape: tuple[int, ...], default: b
         return np.full(shape, default)
     if isinstance(given, np.ndarray) and given.dtype == np.bool_ and given.shape == shape:
         return given if _frozen(given) and given.base is None else given.copy(order="C")
+    if len(shape) == 1 and np.shape(given) != shape:
+        raise ValueError(
+            f"{name} must have shape {shape}, True or False for each state, not "
+            f"{np.shape(given)}; a list of the numbers of states is not taken"
+        )
     array = numbers(name, given, shape)
     reject(
         name,

@@ -23,7 +23,9 @@ def from_dense(transitions: ArrayLike) -> sparse.csr_array:
     """Return the table for a dense array (S, A, S) of p(s, a, s')."""
     table = checks.numbers("transitions", transitions)
     if table.ndim != 3 or table.shape[0] != table.shape[2] or 0 in table.shape:
-        raise ValueError(f"transitions must have shape (S, A, S), not {table.shape}")
+        by_action = table.ndim == 3 and table.shape[1] == table.shape[2]
+        advice = ": of (A, S, S) give transitions.transpose(1, 0, 2)" if by_action else ""
+        raise ValueError(f"transitions must have shape (S, A, S), not {table.shape}{advice}")
     n, m, _ = table.shape
     return sparse.csr_array(table.reshape(n * m, n))
 

@@ -12,11 +12,10 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from elicit.model.comparator import Comparator, bounds_of
+from elicit.model.comparator import Comparator, bounds_of, value_bounds
 from elicit.model.query import Query
 from elicit.model.scale import Floats
 from elicit.person.course.conduct import ORDER
-from elicit.person.course.ranges import value_bounds
 
 LEVEL = "level/"
 """Start of the id of a question about a level."""

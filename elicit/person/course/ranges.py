@@ -21,12 +21,6 @@ ends of a range: after ten answers one end was 76 to 89 of 100 with one seed and
 _REMEMBERED = 8  # number of posteriors whose draws are kept, since a screen needs them repeatedly
 
 
-def value_bounds(comparator: Comparator) -> tuple[Floats, Floats]:
-    """Return bounds (k,) on each level's value, from 0 for the worst to 1 for the best."""
-    ends = np.eye(comparator.k) - np.eye(comparator.k)[0]
-    return bounds_of(comparator, ends)
-
-
 def value_ranges(comparator: Comparator, draws: Draws | None = None) -> tuple[Floats, Floats]:
     """Return each level's range (k,) as it is shown, from 0 for the worst level to 1 for the best.
 

@@ -19,6 +19,7 @@ from elicit import (
     Verdict,
     decide,
     simultaneous_bounds,
+    value_bounds,
 )
 from elicit.decision import comparator_rule
 from elicit.decision.comparator_rule import nothing
@@ -520,3 +521,15 @@ def test_people_without_whom_are_one_tutor():
     named = type("Named", (Dominance,), {"people": ("ann", "ben")})(4)
     (query,) = elicit.choose([[0, 1, 0, 0], [0.5, 0, 0, 0.5]], named).ask()
     assert query.who is None
+
+
+def test_bounds_of_values_are_those_of_each_level_against_the_worst() -> None:
+    answers = Answers([[0.5, -1.0, 0.5, 0.0], [0.0, 0.5, -1.0, 0.5]], [1, -1])
+    polytope = elicit.PolytopeComparator(k=4).update(answers)
+    low, high = value_bounds(polytope)
+    for level in range(4):
+        least, most = polytope.bounds([[-float(level > 0), *(np.arange(1, 4) == level)]])
+        assert (low[level], high[level]) == pytest.approx((least[0], most[0]), abs=1e-9)
+    assert (low[0], high[0], low[-1], high[-1]) == pytest.approx((0, 0, 1, 1), abs=1e-9)
+    low, high = value_bounds(Dominance(k=3))
+    assert list(zip(low, high, strict=True)) == [(0, 0), (0, 1), (1, 1)]

@@ -1,6 +1,7 @@
 """Reach of a certificate with a tutor who errs: against simulated answers, and stated in time."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -86,3 +87,13 @@ def test_without_a_budget_nothing_is_said() -> None:
     while len(learner.result().answers) < 32 and (queries := learner.ask()):
         learner.tell([elicit.Answer(query, (-1) ** i) for i, query in enumerate(queries)])
     assert learner.result().outlook == ""
+
+
+def test_a_tutor_who_tells_nothing_is_not_promised_a_percentage() -> None:
+    mdp, _ = qlearn.random_mdp(8, 2, 4, seed=1)
+    learner = qlearn.InteractivePolicyIteration(
+        mdp, elicit.PosteriorComparator(4, particles=200), tolerance=0.01, max_queries=40
+    )
+    hopeless = Learned(0.5, 0.2, ENOUGH_ANSWERS)
+    result = replace(learner.result(), comparator=hopeless, status=Status.EXHAUSTED)
+    assert result.outlook.endswith("within 40 questions: no useful bound can be had.")

@@ -763,6 +763,7 @@ def test_bad_options_end_in_2(capsys: pytest.CaptureFixture[str]) -> None:
         ),
         ("--problem nowhere:f", "there is no module 'nowhere'"),
         ("--days 1", "'1' is not a whole number of at least 2"),
+        ("--problem ward.py", "for a function of that file write ward:function"),
         ("--comparator box", "invalid choice: 'box'"),
     ):
         with pytest.raises(SystemExit) as end:

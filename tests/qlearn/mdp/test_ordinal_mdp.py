@@ -340,7 +340,7 @@ P = parts()["probabilities"]
         (
             {"terminal": [2]},
             ValueError,
-            r"terminal must have shape \(3,\), one entry for each state, not \(1,\)",
+            r"terminal must have shape \(3,\), True or False for each state, not \(1,\); a list of",
         ),
         ({"terminal": [0, 1, 2]}, ValueError, r"terminal\[2\] is 2.*indices"),
         (

@@ -67,6 +67,8 @@ def test_from_dense_ignores_rows_never_read_and_refuses_other_shapes() -> None:
     for shape in ((2, 2), (2, 1, 3), (0, 1, 0)):
         with pytest.raises(ValueError, match=r"\(S, A, S\)"):
             OrdinalMDP.from_dense(np.ones(shape), [[0]], 0.9, ("a", "b"))
+    with pytest.raises(ValueError, match=r"of \(A, S, S\) give transitions.transpose\(1, 0, 2\)"):
+        OrdinalMDP.from_dense(np.ones((3, 2, 2)), [[0]], 0.9, ("a", "b"))
 
 
 def test_from_sparse_leaves_its_argument_alone_and_drops_zeros() -> None:

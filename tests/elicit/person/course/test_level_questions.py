@@ -7,7 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from elicit import Answer, Answers, PolytopeComparator, PosteriorComparator, Query, Verdict
+from elicit import (
+    Answer,
+    Answers,
+    PolytopeComparator,
+    PosteriorComparator,
+    Query,
+    Verdict,
+    value_bounds,
+)
 from elicit.person.course.level_questions import (
     FURTHER,
     WIDE,
@@ -18,7 +26,7 @@ from elicit.person.course.level_questions import (
     questions_left,
     questions_to_narrow,
 )
-from elicit.person.course.ranges import value_bounds, value_ranges
+from elicit.person.course.ranges import value_ranges
 from elicit.person.showing import show
 from tests.thoroughness import examples, quick_first, scaled, thorough
 

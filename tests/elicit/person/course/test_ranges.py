@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from elicit import Answer, Answers, PolytopeComparator, PosteriorComparator, Verdict
+from elicit import Answer, Answers, PolytopeComparator, PosteriorComparator, Verdict, value_bounds
 from elicit.person.course.level_questions import level_question
-from elicit.person.course.ranges import draws_again, value_bounds, value_ranges
+from elicit.person.course.ranges import draws_again, value_ranges
 from tests.thoroughness import scaled
 
 
