@@ -1,6 +1,6 @@
 """Likelihoods in single precision, which suffice to decide nearly all proposals of the sampler.
 
-They save a tenth of the CPU time at 50 answers, and half or more at 300 and beyond
+They save about a sixth of the CPU time at 50 answers, and 40 to 60% at 300 and beyond
 (benchmarks/RESULTS-single-precision.md).
 
 No decision depends on their rounding. Each likelihood has a bound on its error. If a proposal is
