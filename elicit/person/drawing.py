@@ -31,6 +31,7 @@ from elicit.person.course.counts import (
 from elicit.person.course.drift import Drift
 from elicit.person.course.files import answer_row, as_csv, as_json
 from elicit.person.course.kept_in_log import Choices
+from elicit.person.course.level_questions import WIDE
 from elicit.person.course.pace import Pace
 from elicit.person.findings import (
     ScaleRow,
@@ -94,6 +95,7 @@ class Drawing:
         return {
             "who": printable(self._session.who or ""),
             "compare": printable(compare),
+            "width": WIDE,
             "purpose": printable(words.purpose),
             "before": "" if loss is None else printable(self._before(loss)),
             "source": printable(self._subject.source),
@@ -436,8 +438,9 @@ class Drawing:
         scale = [row._replace(given=given_in(row, as_given))._asdict() for row in rows]
         settled = found.settled and caution is None and enough
         inner = rows[1:-1]
-        first = self._chosen.width is not None and bool(conduct.with_verdict) and caution is None
-        if first := first and bool(headline) and 0 < len(inner) <= _MOST_IN_HEADLINE:
+        wanted = self._chosen.width is not None and conduct.with_verdict > 0 and caution is None
+        first = wanted and headline != "" and 0 < len(inner) <= _MOST_IN_HEADLINE
+        if first:
             effect = f"{headline} {effect}".strip()
             headline = f"Your values, from 0 to 100: {values_in_words(inner)}"
         narrow = narrowing(rows, known) if known is not None and settled and left else ""

@@ -140,14 +140,12 @@ def scale_notes(
     """
     hollow = [row for row in rows if not row.known]
     notes = _on_wide(rows, comparator, as_given)
-    ends = [(row.value, given_in(row, as_given)) for row in rows if row.known or row.rough]
-    shown = any(is_narrower(given_in(row, as_given), row.low, row.high) for row in rows)
-    if shown and about_equal > 0:
-        notes.append(_ABOUT_EQUAL.format(within=100.0 * about_equal))
-    if shown and any(
-        end and min(abs(v - one) for one in end) <= _AT_AN_END < end[1] - end[0] for v, end in ends
-    ):
-        notes.append(_PULLED)
+    given = [(row, ends) for row in rows if (ends := given_in(row, as_given)) is not None]
+    if any(is_narrower(ends, row.low, row.high) for row, ends in given):  # else none is shown
+        if about_equal > 0:
+            notes.append(_ABOUT_EQUAL.format(within=100.0 * about_equal))
+        if any(_at_an_end(row, ends) for row, ends in given):
+            notes.append(_PULLED)
     if not all(row.rough for row in hollow):
         notes.append(_NOT_KNOWN)
     if any(row.rough for row in hollow):
@@ -162,6 +160,12 @@ def scale_notes(
     if overlap(rows):
         notes.append(OVERLAP)
     return notes
+
+
+def _at_an_end(row: ScaleRow, given: tuple[float, float]) -> bool:
+    """Return whether a best guess, if shown, is at an end of the range if no answer is a mistake."""
+    near = min(abs(row.value - end) for end in given) <= _AT_AN_END
+    return (row.known or row.rough) and near and given[1] - given[0] > _AT_AN_END
 
 
 def _on_wide(

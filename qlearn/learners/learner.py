@@ -95,8 +95,8 @@ _SHARE_OF_EQUAL = 0.3
 68% of runs with simulated persons, below it in 98% (benchmarks/RESULTS-promise.md).
 """
 _MOST_LISTED = 12  # states whose actions are printed one by one; of more, actions are counted
-_LEAST_SHOWN = 1e-6
 _USELESS = 0.5  # a loss bound of this share of the value range tells nobody much
+_LEAST_SHOWN = 1e-6
 """The least positive loss bound that is printed, a share of the value range: rounding alone gives
 smaller ones.
 """

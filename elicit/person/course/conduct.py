@@ -245,11 +245,11 @@ class Conduct:
             if n == 1 and not alike:
                 answered = "was answered against it"
             said.append(f"{asked} the order of the levels, and {answered}.")
-        cases, by_coin = self.cases, "Guessing would do as well in"
+        cases, guessing = self.cases, "Guessing would do as well in"
         if cases < 2:
-            said += [f"{by_coin} half of all interviews or more.", _SHOWS_LITTLE]
+            said += [f"{guessing} half of all interviews or more.", _SHOWS_LITTLE]
             return " ".join(said)
-        said.append(f"{by_coin} 1 of {cases} interviews.")
+        said.append(f"{guessing} 1 of {cases} interviews.")
         said.append(
             _SHOWS_MUCH if cases >= _RARE else _SHOWS_SOME if cases >= _FEW else _SHOWS_LITTLE
         )

@@ -333,7 +333,8 @@ def _behind(points: Floats, best: int) -> Floats:
     It is the difference of two numbers as the table has them, with one decimal.
     """
     shown = _in_tenths(points)
-    return _in_tenths(0.01 * (shown[best] - shown))
+    behind: Floats = np.rint(10.0 * (shown[best] - shown)) / 10.0 + 0.0
+    return behind
 
 
 def _more(guess: float) -> str:

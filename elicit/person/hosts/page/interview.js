@@ -630,7 +630,7 @@ export function mount(root, send, options = {}) {
     const at = screen.welcome.budgets.findIndex((one) => `${one.minutes}` === value);
     const found = value === VALUES ? values : value === SETTLED ? settled : budgets[at];
     const none = ready ? (budgets.length || settled ? "" : UNFORESEEN) : "Trying to foresee how far each choice of time gets\u00a0...";
-    const goal = value === VALUES ? `${AND_VALUES} ` : "";
+    const goal = value === VALUES ? `${andValues(screen.welcome.width)} ` : "";
     say(place, `${goal}${found ? `${found} ${SIMULATED}` : none}`.trim());
   }
 
@@ -917,7 +917,7 @@ const SIMULATED = "These forecasts are from simulated people whose values differ
 const UNFORESEEN = "How far each choice of time gets cannot be foreseen here. You will see it as you go.";
 const VALUES = "values"; // choices of time that are no minutes
 const SETTLED = "settled";
-const AND_VALUES = "Some questions are about single levels, until the range of each is at most 20 wide, on the scale from 0 to 100.";
+const andValues = (width) => `Some questions are about single levels, until the range of each is at most ${width} wide, on the scale from 0 to 100.`;
 const MEANT = "If no answer is a mistake"; // head of a column
 const MISTAKES = "Allowing for mistakes"; // head of the column beside it
 const GIVEN = "It was given when the program was started.";
