@@ -163,7 +163,7 @@ def scale_notes(
 
 
 def _at_an_end(row: ScaleRow, given: tuple[float, float]) -> bool:
-    """Return whether a best guess, if shown, is at an end of the range if no answer is a mistake."""
+    """Return whether a best guess, if shown, is at an end of its range ``given``."""
     near = min(abs(row.value - end) for end in given) <= _AT_AN_END
     return (row.known or row.rough) and near and given[1] - given[0] > _AT_AN_END
 
