@@ -440,9 +440,9 @@ class Drawing:
         inner = rows[1:-1]
         wanted = self._chosen.width is not None and conduct.with_verdict > 0 and caution is None
         first = wanted and headline != "" and 0 < len(inner) <= _MOST_IN_HEADLINE
+        follows = ""
         if first:
-            effect = f"{headline} {effect}".strip()
-            headline = f"Your values, from 0 to 100: {values_in_words(inner)}"
+            follows, headline = headline, f"Your values, from 0 to 100: {values_in_words(inner)}"
         narrow = narrowing(rows, known) if known is not None and settled and left else ""
         if narrow:
             after = f"{found.next} {narrow}"
@@ -450,6 +450,7 @@ class Drawing:
         status = "Settled" if settled else NEARLY if nearly else "Not settled"
         return {
             "headline": printable(headline),
+            "follows": printable(follows),
             "effect": printable(effect),
             "reason": printable(reason),
             "source": printable(subject.source),
@@ -458,7 +459,6 @@ class Drawing:
             "next": printable(after),
             "before": printable(before),
             "values": values_in_words(rows) if conduct.with_verdict and not first else "",
-            "values_first": first,
             "caution": caution,
             "remarks": self._remarks() if subject.least else [],
             "settled": settled,

@@ -14,12 +14,12 @@ from elicit.person.findings import guess_in_words, is_narrower
 # from the worst level to the best, as the page interview.js has them
 COLOURS = {
     "light": (
-        (41, 14, 38),
-        (117, 12, 40),
-        (105, 74, 21),
-        (59, 108, 120),
-        (46, 132, 169),
-        (88, 150, 226),
+        (36, 20, 44),
+        (130, 11, 43),
+        (111, 77, 18),
+        (60, 111, 122),
+        (47, 134, 172),
+        (89, 151, 227),
     ),
     "dark": (
         (205, 76, 47),
@@ -212,16 +212,22 @@ def report_page(
         if end.get("status") == NEARLY:
             early = "Stopped where little was left to gain."
         parts.append(f"<p><b>{early}</b> This is where things stood.</p>")
+    scale = []
+    if end["scale"]:
+        scale = [
+            "<h2>What the levels are worth</h2>",
+            *_scale(end["scale"], end["certainty"], end.get("scale_notes", ())),
+        ]
     parts += _headline(end)
+    if end.get("follows"):  # whoever wanted to know the values sees them first
+        parts += [*scale, f"<h2>{_unbroken(escaped(end['follows']))}</h2>"]
+    parts += _conclusion(end)
     if details.source:
         parts.append(f"<p>{escaped(details.source)}</p>")
     if end["open"]:
         parts.append(f"<p>{escaped(end['open'])}</p>")
-    if end["scale"]:
-        parts += [
-            "<h2>What the levels are worth</h2>",
-            *_scale(end["scale"], end["certainty"], end.get("scale_notes", ())),
-        ]
+    if not end.get("follows"):
+        parts += scale
     if end["conflicts"]:
         parts.append("<h2>Answers that contradict each other</h2>")
         parts += map(conflict_box, end["conflicts"])
@@ -279,11 +285,15 @@ def _unbroken(text: str) -> str:
 
 
 def _headline(end: Mapping[str, Any]) -> Iterator[str]:
-    """Return the conclusion: the finding, how sure it is, its size, and the loss before."""
+    """Return the headline, and a caution if there is one."""
     if end.get("headline"):
         yield f'<p class="headline">{_unbroken(escaped(end["headline"]))}</p>'
     if end.get("caution"):
         yield f'<p class="caution">{escaped(end["caution"])}</p>'
+
+
+def _conclusion(end: Mapping[str, Any]) -> Iterator[str]:
+    """Return what follows: its effect, how sure it is, its size, and the loss before."""
     for name in ("effect", "reason"):
         if end.get(name):
             yield f"<p>{escaped(end[name])}</p>"

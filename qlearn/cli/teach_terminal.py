@@ -313,10 +313,15 @@ def say_report(screen: dict[str, Any], width: int) -> None:
 def report_lines(screen: dict[str, Any], width: int) -> list[str]:
     """Return the result on the screen at the end, as lines and paragraphs."""
     end = screen["end"]
-    lines = [""]
+    scale = []
+    if end["scale"]:
+        rows = [ScaleRow(**row) for row in end["scale"]]
+        scale = ["", *scale_report(rows, end["certainty"], width), *end["scale_notes"], ""]
+    lines = ["", *filter(None, [end["headline"], end["caution"]])]
+    if end["follows"]:  # whoever wanted to know the values sees them first
+        lines += scale
     said = (
-        end["headline"],
-        end["caution"],
+        end["follows"],
         end["effect"],
         end["reason"],
         *(f"{words}: {end[name]}" for name, words in NAMED.items() if end[name]),
@@ -324,9 +329,8 @@ def report_lines(screen: dict[str, Any], width: int) -> list[str]:
     )
     lines += [sentence for sentence in said if sentence]
     lines += ["", " ".join(filter(None, [end["given"], end["checks"], end["by_chance"]]))]
-    if end["scale"]:
-        rows = [ScaleRow(**row) for row in end["scale"]]
-        lines += ["", *scale_report(rows, end["certainty"], width), *end["scale_notes"], ""]
+    if not end["follows"]:
+        lines += scale
     lines += end["statements"]
     if changes := end["changes"]:
         lines += _table_lines(changes)

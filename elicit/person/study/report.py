@@ -269,7 +269,7 @@ def _told(one: PersonFound) -> Iterator[str]:
     yield f'<p><span class="mark">{escaped(one.who)}</span>: {escaped(counted(end["counts"]))}</p>'
     said = [
         end[part]
-        for part in ("headline", "caution", "effect", "sure", "size", "before")
+        for part in ("headline", "caution", "follows", "effect", "sure", "size", "before")
         if end.get(part)
     ]
     said += [*end["remarks"], *end["statements"]]

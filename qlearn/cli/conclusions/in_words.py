@@ -74,12 +74,12 @@ class InWords:
         return in_unit(share, self.words.unit, self.labels, self.words.loss)
 
 
-def size_of(told: InWords, loss: float, what: str, confidence: float | None) -> str:
+def size_of(told: InWords, loss: float, what: str, confidence: float) -> str:
     """Return a sentence on how much a loss is, in the problem's own unit, or "" if unknown.
 
     Nothing is said of a loss that is shown as none, because "as if 0 in 100 patients died" has no
-    size. ``what`` is the loss in words, before "at most" and its size. ``confidence`` is None if it
-    is said elsewhere how sure that is.
+    size. ``what`` is the loss in words, before "at most" and its size, and ``confidence`` how sure
+    that is.
     """
     if np.isnan(loss) or loss < NO_LOSS:
         return ""
@@ -91,14 +91,10 @@ def size_of(told: InWords, loss: float, what: str, confidence: float | None) -> 
 def size_and_end(told: InWords, loss: float, what: str, confidence: float, settled: bool) -> str:
     """Return ``size_of`` and, if it is not ``settled``, when questions end.
 
-    If it is settled, what can be lost and how sure that is are said before. The result is "" if
-    nothing can be lost.
+    The result is "" if nothing can be lost.
     """
-    if settled:
-        return size_of(told, loss, what, None)
-    if loss < NO_LOSS:
-        return ""
-    return f"{size_of(told, loss, what, confidence)} {until(told)}".strip()
+    size = size_of(told, loss, what, confidence)
+    return size if settled or loss < NO_LOSS else f"{size} {until(told)}".strip()
 
 
 def until(told: InWords) -> str:

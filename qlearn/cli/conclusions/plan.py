@@ -104,17 +104,20 @@ def policy_conclusion(
             f"keeps what is best with {_STEPS}."
         )
     why = _reasons(told, result, found)
+    effects = effects_of(told, mdp, found)
+    changed = [state for state, held in found.certain.items() if held]
+    traded = _trade(told, effects, changed, "the change")
     effect, outcomes = outcomes_of(told, mdp, found)
     return Conclusion(
         headline=headline,
-        reason=_reason(told, mdp, found, why, settled),
+        reason=_reason(told, mdp, found, why, traded, settled),
         effect=f"{effect} {told.caveat}".strip(),
         size=size_and_end(told, bound, _SHORT, result.confidence, settled),
         sure=f"{_close(result, bound)}{open_still}",
         next=after,
         more=more,
         before=unasked,
-        changes=_changes(told, mdp, action_words, result, found, why),
+        changes=_changes(told, mdp, action_words, result, found, why, effects),
         plan=_plan(told, mdp, action_words, result, found),
         result=_whole_policy(told, mdp, action_words, found, why),
         outcomes=outcomes,
@@ -154,9 +157,17 @@ def _close(result: Result, bound: float) -> str:
 
 
 def _reason(
-    told: InWords, mdp: OrdinalMDP, found: DecidedPlan, why: Mapping[int, str], settled: bool
+    told: InWords,
+    mdp: OrdinalMDP,
+    found: DecidedPlan,
+    why: Mapping[int, str],
+    traded: str,
+    settled: bool,
 ) -> str:
-    """Return sentences on what the answers change in the plan, and mostly why."""
+    """Return sentences on what the answers change in the plan, and mostly why.
+
+    ``traded`` is the sentence on changes with which fewer end well.
+    """
     n, live = int(found.holds.sum()), int(np.count_nonzero(~mdp.terminal))
     if not n:
         rest = len(found.states)
@@ -170,7 +181,7 @@ def _reason(
     [(most, times)] = given.most_common(1)
     mostly = "" if times == n else "mostly "
     reason = f", {mostly}because it {most}" if 2 * times > n and most != _REST else ""
-    said = f"In {n} of {live} {told.states} your answers change the {told.plan}{reason}."
+    said = f"In {n} of {live} {told.states} your answers change the {told.plan}{reason}.{traded}"
     if not (rest := len(found.leaning)):
         return said
     kept, other = live - n - rest, "one" if rest == 1 else f"{rest}"
@@ -218,10 +229,11 @@ def _changes(
     result: Result,
     found: DecidedPlan,
     why: Mapping[int, str],
+    effects: Mapping[int, Effect],
 ) -> ResultTable:
     """Return the states in which the answers change the action, and those that they leave open.
 
-    ``why`` has a reason for each of these states.
+    ``why`` has a reason for each of these states, and ``effects`` what becomes of their patients.
     """
     live, n = int(np.count_nonzero(~mdp.terminal)), int(found.holds.sum())
     rest = len(found.states) - n
@@ -241,7 +253,6 @@ def _changes(
             some += f"{_undecided(rest)} too. Further answers might change that."
     if rest and n:
         some += f" In {rest} more, further answers might change it."
-    effects = effects_of(told, mdp, found)
     word = printable(told.words.ends[-1]) if effects else ""
     why_note = " “Why” names the level that matters most by the best guess." if why else ""
     certain, perhaps = (
@@ -261,8 +272,6 @@ def _changes(
         for wanted in (True, False)
     )
     more = (_IN_MODEL,) if effects else ()
-    changed = [state for state, held in found.certain.items() if held]
-    traded = _trade(told, effects, changed, "the change")
     not_decided = ResultTable(
         f"Not decided by your answers in {rest} of {live} {told.states}",
         ("State", "In the plan (equal steps)", "Perhaps better", "Why", *more),
@@ -283,7 +292,7 @@ def _changes(
         title,
         ("State", "With equal steps", "With your values", "Why", *more),
         certain,
-        f"Compared with {_STEPS}.{some}{traded}{why_note if n else ''}\n{told.legend}".strip(),
+        f"Compared with {_STEPS}.{some}{why_note if n else ''}\n{told.legend}".strip(),
         open=not_decided if rest else None,
     )
 
@@ -417,7 +426,7 @@ def policy_nearly(
     return NearlyEnough(
         f"Your plan falls at most {per_hundred(bound)} short of your ideal plan",
         _close(result, bound),
-        size_of(told, bound, _SHORT, None),
+        size_of(told, bound, _SHORT, result.confidence),
     )
 
 

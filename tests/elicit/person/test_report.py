@@ -225,6 +225,24 @@ def test_the_colours_of_neighbouring_levels_differ_to_everybody(page: str, seen:
     assert apart.min() >= (16 if page == "light" else 6)
 
 
+def test_whoever_wanted_the_values_reads_them_before_what_follows(end: dict[str, Any]) -> None:
+    said = {**end, "headline": "Your values: ill 40.", "sure": "With 95% probability."}
+    for follows, order in (
+        ("", ["Your values: ill 40.", "With 95% probability.", "What the levels are worth"]),
+        (
+            "The plan is this.",
+            [
+                "Your values: ill 40.",
+                "What the levels are worth",
+                "<h2>The plan is this.</h2>",
+                "With 95% probability.",
+            ],
+        ),
+    ):
+        html = report_page("Mine", "today", {**said, "follows": follows}, [], False, ReportDetails())
+        assert sorted(order, key=html.index) == order
+
+
 def test_a_fraction_in_the_headline_stays_on_one_line(end: dict[str, Any]) -> None:
     said = {**end, "headline": "It comes within 1 in 100 of your ideal plan."}
     html = report_page("Mine", "today", said, [], False, ReportDetails())

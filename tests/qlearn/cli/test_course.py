@@ -29,6 +29,7 @@ from qlearn import (
     random_mdp,
 )
 from qlearn.cli.teach_subjects import Taught, taught_by
+from qlearn.cli.teach_terminal import report_lines
 from tests.thoroughness import quick_first, scaled
 
 MDP = random_mdp(30, 3, 5, 0.9, seed=0)[0]
@@ -491,7 +492,16 @@ def test_who_wants_the_values_is_asked_until_no_range_is_wide(until: str, tmp_pa
         if until:
             assert widest <= 20
             assert any(entry.answer.query.id.startswith("level/") for entry in log)
+            assert re.fullmatch(
+                r"Your values, from 0 to 100: fair \d+, ill \d+\.", end["headline"]
+            )
+            assert end["follows"].startswith("By your answers “surgery” is best.")
+            lines = "\n".join(report_lines(person.screen, 100))
+            order = [end["headline"], end["certainty"], end["follows"], end["sure"]]
+            assert sorted(order, key=lines.index) == order
         else:
+            assert end["headline"].startswith("By your answers “surgery” is best.")
+            assert not end["follows"]
             assert widest > 60
         roughly = "The values of the levels are known only roughly: about " in end["next"]
         assert roughly == (widest > 20)

@@ -9,7 +9,7 @@ const KEYS = { ArrowLeft: "a", a: "a", ArrowRight: "b", b: "b", ArrowDown: "equa
 // From the worst level to the best, on a light and on a dark page: from red to blue, which nearly everybody tells apart,
 // and each lighter than the one before. All stand out from what is behind them by at least 3:1.
 const COLOURS = {
-  light: [[41, 14, 38], [117, 12, 40], [105, 74, 21], [59, 108, 120], [46, 132, 169], [88, 150, 226]],
+  light: [[36, 20, 44], [130, 11, 43], [111, 77, 18], [60, 111, 122], [47, 134, 172], [89, 151, 227]],
   dark: [[205, 76, 47], [219, 118, 46], [217, 161, 63], [145, 203, 209], [167, 220, 246], [212, 235, 253]],
 };
 const NUMBERS = ["no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"];
@@ -644,8 +644,9 @@ export function mount(root, send, options = {}) {
     if (caution) top.push(part("p", "caution", {}, [caution]));
     const parts = [];
     // whoever wanted to know the values sees them first
-    if (screen.end.values_first) {
+    if (screen.end.follows) {
       parts.push(...top.splice(0), worth(scale, certainty, notes, small));
+      top.push(part("h2", "", {}, [unbroken(screen.end.follows)]));
     }
     if (screen.end.effect) top.push(part("p", "reason", {}, [screen.end.effect]));
     if (screen.end.reason) top.push(part("p", "reason", {}, [screen.end.reason]));
@@ -661,7 +662,7 @@ export function mount(root, send, options = {}) {
     parts.push(part("section", "panel", {}, top));
     if (open) parts.push(part("p", "same", {}, [open]));
     parts.push(...conflicts.map(conflict));
-    if (scale.length && !screen.end.values_first) parts.push(worth(scale, certainty, notes, small));
+    if (scale.length && !screen.end.follows) parts.push(worth(scale, certainty, notes, small));
     if (changes) parts.push(changed(changes, rest));
     if (plan) parts.push(whole(plan, rest));
     if (statements.length) parts.push(rest("What else follows", lines(statements)));

@@ -1501,6 +1501,27 @@ def test_a_long_table_of_changes_is_folded_and_filtered(windows: Windows) -> Non
         violated(page)
 
 
+@pytest.mark.parametrize("size", [WIDE, NARROW])
+def test_whoever_wanted_the_values_sees_them_before_what_follows(
+    windows: Windows, size: dict[str, int]
+) -> None:
+    concluded = Conclusion(headline="Your plan is settled.", settled=True, sure="With 95%.")
+    with served(windows.log, conclude=lambda *_: concluded) as server:
+        server._interview.handle({"do": "start", "until": "values"})
+        page = practised(windows, server, size, [1])
+        name(page, "Finish now").click()
+        at(page, "Result")
+        assert page.locator("h1").inner_text().startswith("Your values, from 0 to 100: ")
+        follows = "You stopped early. Your plan is settled."
+        tops = [
+            page.locator(which).first.bounding_box()["y"]
+            for which in ("h1", ".status", ".worth", f"h2:text-is('{follows}')", ".facts")
+        ]
+        assert tops == sorted(tops)
+        violated(page)
+        fits(page)
+
+
 def test_on_a_phone_the_first_two_screens_of_a_result_say_all_that_matters(
     windows: Windows,
 ) -> None:

@@ -173,16 +173,17 @@ def test_where_fewer_recover_with_an_action_a_sentence_says_what_is_traded() -> 
             told = told_of(mdp)
             found = policy_conclusion(told, plans, mdp.action_name, learner.result(), None)
             assert found.changes is not None
-            for table, action in (
-                (found.changes, "the change"),
-                (found.changes.open, "the other action"),
+            still_open = found.changes.open
+            for table, told_in, action in (
+                (found.changes, found.reason, "the change"),
+                (still_open, "" if still_open is None else still_open.note, "the other action"),
             ):
                 if table is None:
                     continue
                 said = re.search(
                     rf"(Here|In all of these states|In (\d+) of these states) fewer patients would "
                     rf"recover with {action}: your answers also weigh the time ",
-                    table.note,
+                    told_in,
                 )
                 numbers = [
                     re.findall(r"with it (\d+) of .* steps (\d+)", row[4]) for row in table.rows
