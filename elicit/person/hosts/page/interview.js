@@ -279,13 +279,14 @@ export function mount(root, send, options = {}) {
   // The answers are at the same place in every question. What is above them gets room for a line of notes and for the
   // usual sentences, and the sides get room for every level and for the most circles, as far as the window has it. A
   // narrow page has room for one or the other, and questions of many have a room of their own there. Room that is left
-  // over is at the top. A long note, and long words in the head, take of that room what they need. A question that needs
-  // more gets it, and so do all later ones.
+  // over is around the sentences, in their box. A long note, and long words in the head, take of that room what they
+  // need. A question that needs more gets it, and so do all later ones.
   function steady() {
     slot.style.minHeight = "";
     const pair = body.querySelector(".lead + .pair");
     if (!pair) return;
     const [cards, lead] = [[...pair.children], pair.previousSibling];
+    lead.style.minHeight = "";
     const counts = cards.map((card) => [...card.querySelectorAll(".row")]);
     for (const row of counts.flat()) row.style.minHeight = "";
     const { clientWidth: width } = body;
@@ -305,14 +306,17 @@ export function mount(root, send, options = {}) {
     const slotted = parseFloat(getComputedStyle(slot).minHeight);
     const notes = slotted + parseFloat(getComputedStyle(slot).marginBottom);
     const passing = trying.firstChild ? Math.max(0, slot.offsetHeight - slotted) : 0; // comes once, if at all
-    if (narrow && !many) slot.style.minHeight = "0";
+    if (narrow) slot.style.minHeight = "0";
     rooms.head = Math.min(rooms.head, sheet.firstChild.offsetHeight);
     const more = sheet.firstChild.offsetHeight - rooms.head;
     const down = () => pair.getBoundingClientRect().top - top.getBoundingClientRect().top;
     const between = down() - (lead.getBoundingClientRect().bottom - top.getBoundingClientRect().top);
     const heading = body.firstChild.offsetHeight + parseFloat(getComputedStyle(body.firstChild).marginBottom);
-    room.lead = Math.max(room.lead, down() + more - passing, notes + heading + (usual + BETWEEN) * line + between);
-    slot.style.minHeight = `${Math.max(0, slot.offsetHeight + room.lead - more - down())}px`;
+    const edges = 2 * parseFloat(getComputedStyle(lead).paddingTop);
+    room.lead = Math.max(room.lead, down() + more - passing, notes + heading + edges + (usual + BETWEEN) * line + between);
+    const over = room.lead - more - down();
+    if (over > 0) lead.style.minHeight = `${lead.offsetHeight + over}px`;
+    else slot.style.minHeight = `${Math.max(0, slot.offsetHeight + over)}px`;
     // the room that is left over is shared by the rows; all are measured before the first one changes
     const tall = counts.map((rows) => rows.map((row) => row.getBoundingClientRect().height));
     const frame = cards[0].offsetHeight - tall[0].reduce((sum, one) => sum + one, 0);
