@@ -239,7 +239,9 @@ def test_whoever_wanted_the_values_reads_them_before_what_follows(end: dict[str,
             ],
         ),
     ):
-        html = report_page("Mine", "today", {**said, "follows": follows}, [], False, ReportDetails())
+        html = report_page(
+            "Mine", "today", {**said, "follows": follows}, [], False, ReportDetails()
+        )
         assert sorted(order, key=html.index) == order
 
 
