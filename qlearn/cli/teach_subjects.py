@@ -126,8 +126,8 @@ def taught_by(
 ) -> Taught:
     """Return the subject for a problem's name, a user's function, or the path of a CSV file.
 
-    The names are "icu-sepsis" and "random". ``like`` are the paths of earlier people's logs. Raises
-    ValueError, ImportError and OSError that say what is wrong.
+    The names are those of ``qlearn.experiments.catalogue.PROBLEMS``. ``like`` are the paths of
+    earlier people's logs. Raises ValueError, ImportError and OSError that say what is wrong.
     """
     if isinstance(problem, str) and problem.lower().endswith(".csv"):
         return _choice(Path(problem), comparator, days, unit, seed, tolerance, like)
