@@ -40,8 +40,8 @@ _FEWEST = (
     "“At least {n} more” are the answers and checks without which no result is called settled."
 )
 _AFTER_THESE = "How many follow after them depends on what you answer, and cannot be said yet."
-_ROSE = "the new forecast is longer"
-_ROSE_BY_CHECK = "two answers differed, so a few more are checked"
+_ROSE = "more than said before"
+_ROSE_BY_CHECK = "two answers differed"
 _NO_FORECAST = (
     "How many more questions follow depends on what you answer, and cannot be said yet. You can "
     "finish at any time."

@@ -15,6 +15,7 @@ from elicit.model.query import Verdict
 from elicit.person.asker import Compares, Supposed
 from elicit.person.course.conclusion import (
     Conclusion,
+    capital,
     in_unit,
     per_hundred,
     with_probability,
@@ -91,7 +92,10 @@ class Drawing:
         """Return the fields of the welcome screen."""
         words, start = self._subject.words, self._questions.at_start()
         loss = None if start is None else start.loss
-        compare = f"Each question shows two {words.side}s of {words.unit}. You choose one of them."
+        compare = (
+            f"Each question shows two {words.side}s of {words.unit}. You choose one of them, as if "
+            "the decision were yours to make. There is no right or wrong answer."
+        )
         return {
             "who": printable(self._session.who or ""),
             "compare": printable(compare),
@@ -132,9 +136,10 @@ class Drawing:
         size = in_unit(loss, subject.words.unit, labels, subject.words.loss)
         level = trusted_share(asker.comparator) if isinstance(asker, Compares) else None
         sure = with_probability(level)
+        costs = f"{capital(sure)}, that" if sure else "That"
         return (
-            "Without your answers, the program could choose worse for you than the best: by at "
-            f"most {size}{f' ({sure})' if sure else ''}."
+            f"Without your answers, the program may choose wrongly for you. {costs} costs at most "
+            f"{size}."
         )
 
     def _conflicts_found(self) -> tuple[tuple[Entry, ...], ...]:

@@ -76,7 +76,7 @@ summary { cursor: pointer; color: var(--link); padding: .3rem 0; } details > tab
   .scale thead .drawn { display: none; } .scale tfoot { display: block; }
   .scale .drawn { grid-row: 2; grid-column: 1 / -1; padding: 0 .8rem; } .scale tbody .drawn { margin-top: -.5rem; }
   .scale:has(td.given) .drawn { width: auto; } .scale:has(td.given) tr { grid-template-columns: minmax(0, 1fr) minmax(0, 1fr); } .scale:has(td.given) th:not(:first-child, .guess) { display: none; }
-  .scale td.given, .scale:has(td.given) td.range { grid-row: 3; text-align: left; } .scale td.given:empty { visibility: hidden; }
+  .scale td.given, .scale:has(td.given) td.range { grid-row: 3; text-align: left; } .scale td.given:empty { display: none; }
   .scale td.given::before, .scale:has(td.given) td.range::before { content: attr(data-head); display: block; font-size: .85em; color: var(--soft); }
   .answers thead, .many thead { display: none; } .many, .many tbody { display: block; }
   .many tr { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 0 1.2rem; padding: .4rem 0; border-top: 1px solid var(--line); }
@@ -280,8 +280,9 @@ def technical_details(facts: Mapping[str, str]) -> Iterator[str]:
 
 
 def _unbroken(text: str) -> str:
-    """Return a text in which "1 in 100" does not end one line and begin the next."""
-    return re.sub(r"(\d) in (\d)", "\\1\u00a0in\u00a0\\2", text)
+    """Return a text in which neither "1 in 100" nor a level and its value are parted."""
+    text = re.sub(r"(\d) in (\d)", "\\1\u00a0in\u00a0\\2", text)
+    return re.sub(r" (\d+[,.:])", "\u00a0\\1", text)
 
 
 def _headline(end: Mapping[str, Any]) -> Iterator[str]:

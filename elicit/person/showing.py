@@ -497,7 +497,10 @@ def drawn(shown: Shown, number: int) -> dict[str, Any]:
 
 def about_questions(words: Words) -> str:
     """Return what every question asked, and the text that stood before the first one."""
-    asked = f"Each question showed two {words.side}s of {words.unit}: {words.question}"
+    asked = (
+        f"Each question showed two {words.side}s of {words.unit}: {words.question} The answer was "
+        "to be given as if the decision were one's own to make."
+    )
     return printable(f"{asked} {words.preamble}".strip())
 
 

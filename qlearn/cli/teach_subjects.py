@@ -34,9 +34,9 @@ from qlearn.cli.conclusions.choice import (
 )
 from qlearn.cli.conclusions.decided_plan import DecidedPlans
 from qlearn.cli.conclusions.icu import (
-    ICU_CAVEAT,
     ICU_DURATION,
     ICU_LEGEND,
+    icu_caveat,
     icu_dose,
     icu_states,
     icu_valuation,
@@ -151,7 +151,7 @@ def taught_by(
             states="patient states",
             plan="treatment",
             state_words=icu_states(mdp),
-            caveat=ICU_CAVEAT,
+            caveat=icu_caveat,
         )
         valued = icu_valuation(mdp)
     plans = DecidedPlans(mdp, tolerance)
@@ -296,9 +296,9 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
         preamble = "Level 1 is the worst."
         return mdp, Words(title="A random problem", preamble=preamble), ""
     preamble = (
-        "The patients are alike at the start. Choose the group that you would rather see, as a "
-        "whole. The SOFA score measures organ failure from 0 to 24, and higher is worse. The four "
-        "middle conditions are quarters of the 713 groups of similar patients in the data, by "
+        "The patients are alike at the start. Judge each group as a whole. The SOFA score measures "
+        "organ failure from 0 to 24, and higher is worse. In the records the patients fall into "
+        "713 groups of similar ones. The four middle conditions are quarters of these groups, by "
         "their mean SOFA score, and not clinical categories."
     )
     words = Words(
@@ -306,10 +306,9 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
         "fare",
         "ICU-Sepsis",
         preamble,
-        "which is better off?",
         duration=ICU_DURATION,
         levels=(
-            "Died in hospital: dead on each of these days. The years lost do not count",
+            "Died in hospital: dead on all 30 days",
             "In intensive care, the worst quarter: mean SOFA score above 8.5",
             "In intensive care, the second worst quarter: mean SOFA score 6.5 to 8.5",
             "In intensive care, the second best quarter: mean SOFA score 4.7 to 6.5",
@@ -320,6 +319,8 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
         "match.",
         note="For research on algorithms. Not medical advice.",
         loss="{n} patients died instead of recovering",
+        source="the benchmark ICU-Sepsis, made of records of a hospital in Boston from 2001 to "
+        "2012 (MIMIC-III)",
         ends=("die", "", "", "", "", "recover"),
     )
     return entry.factory(), words, ICU_LEGEND

@@ -174,7 +174,7 @@ class Terminal:
 
     def _welcome(self, welcome: dict[str, Any]) -> None:
         """Print what is at stake, and that the person can leave at any time."""
-        for sentence in (welcome["purpose"], welcome["before"]):
+        for sentence in (welcome["compare"], welcome["purpose"], welcome["before"]):
             if sentence:
                 self._say(sentence)
         self._say("Your answers stay on this computer. You can finish at any time with f.")

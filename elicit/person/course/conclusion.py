@@ -167,6 +167,11 @@ def up_to(loss: float, confidence: float | None) -> str:
     return f"up to {per_hundred(loss)}{f' ({sure})' if sure else ''}"
 
 
+def capital(clause: str) -> str:
+    """Return a clause with a capital letter at its start."""
+    return f"{clause[0].upper()}{clause[1:]}"
+
+
 def in_plural(noun: str) -> str:
     """Return the plural of an English noun that forms it as most nouns do.
 

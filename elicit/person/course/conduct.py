@@ -57,6 +57,7 @@ _EVERY = 4  # answers for each check, where the interview wants some
 # the same until there are LEAST_CHECKS, without which it does not end: otherwise most of these
 # would come in a row at the end
 _EARLY = 2
+_REMEMBERED = 4  # the newest answers, which the person may still have in mind
 AGAIN = " again"  # suffix of the id of a query that is put again
 
 
@@ -249,7 +250,7 @@ class Conduct:
         if cases < 2:
             said += [f"{guessing} half of all interviews or more.", _SHOWS_LITTLE]
             return " ".join(said)
-        said.append(f"{guessing} 1 of {cases} interviews.")
+        said.append(f"{guessing} at most 1 of {cases} interviews.")
         said.append(
             _SHOWS_MUCH if cases >= _RARE else _SHOWS_SOME if cases >= _FEW else _SHOWS_LITTLE
         )
@@ -379,9 +380,10 @@ class Repeats:
     def _again(self, first: Sequence[Answer], which: int) -> Query | None:
         """Return one of these answered queries, to be put again, or None.
 
-        It is never the last one, which the person remembers.
+        It is not one of the newest answers, which the person remembers. If there are no others, it
+        is the oldest of these, but never the last one.
         """
-        may = self._repeatable(first[:-1])
+        may = self._repeatable(first[:-_REMEMBERED]) or self._repeatable(first[:-1])[:1]
         if not may:
             return None
         query = may[which % len(may)]
@@ -422,5 +424,5 @@ def _behind(conduct: Conduct) -> bool:
     """
     if conduct.last == "cannot tell":
         return False
-    early = min(LEAST_CHECKS, (conduct.answered - 1) // _EARLY)
+    early = min(LEAST_CHECKS, (conduct.answered - 2) // _EARLY)
     return conduct.checks < max(early, conduct.answered // _EVERY) + conduct.differed

@@ -105,7 +105,8 @@ class QuestionsLeft:
             high = max(self._here[0], min(kept[1], self._here[1]))
             kept = min(max(kept[0], self._here[0]), high), high
         self._here = self._shown = kept
-        self.rose = bool(kept and before and kept[1] - now > before[1] - self._asked)
+        back = now <= self._asked  # after an answer was taken back more questions follow
+        self.rose = bool(kept and before and not back and kept[1] - now > before[1] - self._asked)
         if kept is None:
             return None
         return max(kept[0] - now, least), kept[1] - now

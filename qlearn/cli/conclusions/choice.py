@@ -20,6 +20,7 @@ from elicit.person.course.conclusion import (
     DataTable,
     NearlyEnough,
     ResultTable,
+    capital,
     in_plural,
     listed,
     per_hundred,
@@ -32,7 +33,6 @@ from elicit.person.findings import scale_rows
 from elicit.person.showing import printable
 from qlearn.cli.conclusions.in_words import (
     InWords,
-    capital,
     is_little,
     size_and_end,
     size_of,
@@ -472,15 +472,16 @@ def _worth(
         for i in order
     )
     above = np.delete(high, best) - low[best]
-    apart = float(above.max(initial=0.0))
-    # shown where the ranges alone would allow a greater loss than the bound
+    apart = float(above.max(initial=-1.0))
+    # shown where the ranges as they are shown overlap or touch, by more than the bound
     overlap = (
-        f" Two ranges may overlap although one {told.alternative} is better: if a level is worth "
-        "more, both gain."
-        if 100.0 * (apart - result.loss_bound) >= _ROUNDED
+        f" Two ranges may touch or overlap although one {told.alternative} is better: if a level "
+        "is worth more, both gain."
+        if 100.0 * (apart - result.loss_bound) > -_ROUNDED
         else ""
     )
     many = in_plural(told.alternative)
+    none_ahead = _none_ahead(names, ahead, best, settled)
     return ResultTable(
         f"The {len(names)} {many}",
         (capital(told.alternative), *map(printable, labels[::-1]), "worth", "range", "behind"),
@@ -488,7 +489,7 @@ def _worth(
         f"{_EACH_ROW.format(unit=printable(told.words.unit))} Worth is 0 if all were "
         f"“{printable(labels[0])}”, and 100 if all were “{printable(labels[-1])}”: the best guess, "
         f"and its range. “Behind” is how much less than “{printable(result.name)}”, by "
-        f"the best guess.{_none_ahead(names, ahead, best, settled)}{overlap}",
+        f"the best guess. Numbers are rounded last.{none_ahead}{overlap}",
         told.alternative,
         unfolded=len(names) <= _MOST_UNFOLDED,
         several=many,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,19 +28,13 @@ ICU_LEGEND = (
 )
 """What the words of states and actions mean."""
 
-ICU_CAVEAT = (
-    "Not advice for treatment: the plan comes from a statistical model of recorded treatments. In "
-    "many states it is not what a doctor would do."
-)
-"""What a plan must not be taken for."""
-
 _DAYS = 30  # that the questions are about
 _STEPS_A_DAY = 6  # of 4 hours each
 ICU_DURATION = (
-    f"Each patient stays in the condition shown for {_DAYS} days. Compare only these days: the "
-    "plan counts later days less."
+    f"Each patient stays in the condition shown for {_DAYS} days. Compare only these {_DAYS} days, "
+    "and not what comes after them."
 )
-"""How long the conditions in a question last, and why no longer."""
+"""How long the conditions in a question last."""
 
 
 def icu_valuation(mdp: OrdinalMDP) -> str:
@@ -74,29 +69,60 @@ def icu_states(mdp: OrdinalMDP) -> Callable[[str], str]:
         number, _, score = name.removesuffix(")").partition(" (mean SOFA ")
         if not score:
             return name
-        state, (ventilated, die) = int(number), _shares()
+        state, found = int(number), _recorded()
         return (
             f"{mdp.labels[int(mdp.levels[state, 0])]}, mean SOFA score {score}, "
-            f"{ventilated[state]:.0%} ventilated, {die[state]:.0%} die (state {number})"
+            f"{found.ventilated[state]:.0%} ventilated, {found.die[state]:.0%} die (state {number})"
         )
 
     return in_words
 
 
-@cache
-def _shares() -> tuple[Floats, Floats]:
-    """Return for each state (713,) the shares of patients who are ventilated, and who die.
+class _Recorded(NamedTuple):
+    """What the benchmark's tables say of each live state, by treatment as the doctors gave it."""
 
-    They die if they are treated as the doctors did, by the benchmark's model. Reading the tables
-    takes half a second.
-    """
+    ventilated: Floats  # (713,) share of patients on mechanical ventilation
+    die: Floats  # (713,) share who die
+    from_the_start: float  # share of all patients who die
+    at_random: float  # the same if each action is drawn at random
+
+
+@cache
+def _recorded() -> _Recorded:
+    """Return what the tables say. Reading them takes half a second."""
     with np.load(assets() / "dynamics.npz", allow_pickle=False) as data:
-        moves, treated = data["tx_mat"], data["expert_policy"]
+        moves, treated, start = data["tx_mat"], data["expert_policy"], data["d_0"]
         centres = data["state_cluster_centers"]
     died = len(moves) - 3  # the last three states are death, recovery, and what follows them
-    chain = np.matmul(treated[:died, None, :], moves[:died])[:, 0]
-    die: Floats = np.linalg.solve(np.eye(died) - chain[:, :died], chain[:, died])
-    return np.clip(centres[:died, _VENTILATED] + 0.5, 0.0, 1.0), die
+    die = _deaths(np.matmul(treated[:died, None, :], moves[:died])[:, 0])
+    random = _deaths(moves[:died].mean(axis=1))  # an action rarely taken is like the others' mean
+    first = start[:died]
+    ventilated = np.clip(centres[:died, _VENTILATED] + 0.5, 0.0, 1.0)
+    return _Recorded(ventilated, die, float(first @ die), float(first @ random))
+
+
+def _deaths(chain: Floats) -> Floats:
+    """Return for each live state the share who die, from the chances of moves (713, 716)."""
+    live = len(chain)
+    return np.asarray(np.linalg.solve(np.eye(live) - chain[:, :live], chain[:, live]))
+
+
+def icu_caveat() -> str:
+    """Return sentences on what a plan for ICU-Sepsis must not be taken for.
+
+    Examples
+    --------
+    >>> print(icu_caveat().split(": ")[-1])
+    so fewer deaths in the model are no forecast for real patients.
+    """
+    found = _recorded()
+    recorded, random = round(1000 * found.from_the_start), round(1000 * found.at_random)
+    return (
+        "Not advice for treatment: the plan comes from a statistical model of recorded treatments, "
+        f"and in many states it is not what a doctor would do. In the same model {recorded} of "
+        f"1,000 die if treated as recorded, and {random} with doses drawn at random: so fewer "
+        "deaths in the model are no forecast for real patients."
+    )
 
 
 def icu_dose(action: int) -> str:

@@ -12,6 +12,7 @@ from elicit.model.comparator_parts import wrong_of
 from elicit.model.outcomes import assumed_of_answers
 from elicit.person.course.conclusion import (
     NO_LOSS,
+    capital,
     in_unit,
     per_hundred,
     with_probability,
@@ -43,7 +44,7 @@ class InWords:
     alternative
         What the problem calls an alternative, in the singular, such as "treatment".
     caveat
-        A sentence on what a plan must not be taken for, or "".
+        A function that returns sentences on what a plan must not be taken for, or "".
     """
 
     labels: tuple[str, ...]
@@ -54,7 +55,7 @@ class InWords:
     legend: str = ""
     state_words: Callable[[str], str] = str
     alternative: str = "alternative"
-    caveat: str = ""
+    caveat: Callable[[], str] = str
 
     @property
     def little(self) -> float:
@@ -118,8 +119,3 @@ def condition_of(result: Result | Choice) -> str | None:
     if result.confidence == 1.0:
         return assumed_of_answers(wrong_of(result.comparator), "your")
     return with_probability(result.confidence) or None
-
-
-def capital(clause: str) -> str:
-    """Return a clause with a capital letter at its start."""
-    return f"{clause[0].upper()}{clause[1:]}"

@@ -11,10 +11,10 @@ from scipy.sparse.csgraph import breadth_first_order
 
 from elicit._support.fixed_order import product
 from elicit.model.scale import Floats
-from elicit.person.course.conclusion import DataTable, listed
+from elicit.person.course.conclusion import DataTable, capital, listed
 from elicit.person.showing import printable
 from qlearn.cli.conclusions.decided_plan import DecidedPlan
-from qlearn.cli.conclusions.in_words import InWords, capital
+from qlearn.cli.conclusions.in_words import InWords
 from qlearn.mdp.array_checks import Flags
 from qlearn.mdp.linear_systems import discounted_totals
 from qlearn.mdp.ordinal_mdp import OrdinalMDP

@@ -16,6 +16,7 @@ from elicit.person.course.conclusion import (
     DataTable,
     NearlyEnough,
     ResultTable,
+    capital,
     per_hundred,
     up_to,
     with_probability,
@@ -25,11 +26,8 @@ from elicit.person.showing import printable
 from qlearn.cli.conclusions.decided_plan import DecidedPlan, DecidedPlans
 from qlearn.cli.conclusions.in_words import (
     InWords,
-    capital,
     condition_of,
     is_little,
-    size_and_end,
-    size_of,
     sure_of,
     until,
 )
@@ -37,7 +35,7 @@ from qlearn.cli.conclusions.outcomes import Effect, effects_of, outcomes_of
 from qlearn.learners.learner import Result
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
-_SHORT = "your plan could still be worse than your ideal plan, by"
+_HARDLY = 0.02  # of the states: a plan that differs in no more is nearly the same
 _REST = "what follows in the rest of the plan"
 _IN_MODEL = "In the model"
 _TOO_LITTLE = ": on the whole it makes too little difference to go on asking"
@@ -111,9 +109,8 @@ def policy_conclusion(
     return Conclusion(
         headline=headline,
         reason=_reason(told, mdp, found, why, traded, settled),
-        effect=f"{effect} {told.caveat}".strip(),
-        size=size_and_end(told, bound, _SHORT, result.confidence, settled),
-        sure=f"{_close(result, bound)}{open_still}",
+        effect=f"{effect} {told.caveat()}".strip(),
+        sure=f"{_close(told, result, bound)}{open_still}",
         next=after,
         more=more,
         before=unasked,
@@ -141,18 +138,23 @@ def _decided(told: InWords, mdp: OrdinalMDP, found: DecidedPlan) -> str:
     said = f"change the {told.plan} in {n} of {live} {told.states}"
     if not n:
         return "So far your plan is the one for equal steps between the levels."
+    if n <= _HARDLY * live:
+        return (
+            "Your values lead to nearly the same plan as equal steps between the levels: your "
+            f"answers {said}."
+        )
     return f"Compared with equal steps between the levels, your answers {said}."
 
 
-def _close(result: Result, bound: float) -> str:
-    """Return a sentence on how sure the bound on a plan's loss is, which names what holds."""
+def _close(told: InWords, result: Result, bound: float) -> str:
+    """Return a sentence on how sure the bound on a plan's loss is, and how much that is."""
     if (when := condition_of(result)) is None:
         return sure_of(result)
     if bound < NO_LOSS:
         return f"{capital(when)}, no other plan is better for your exact values."
     return (
         f"{capital(when)}, your plan falls at most {per_hundred(bound)} short of your ideal plan, "
-        "the one for your exact values."
+        f"the one for your exact values. That is {told.loss(bound)}."
     )
 
 
@@ -186,8 +188,8 @@ def _reason(
         return said
     kept, other = live - n - rest, "one" if rest == 1 else f"{rest}"
     return (
-        f"{said} They keep what is best with {_STEPS} in {kept}. In the other {other} they do not "
-        f"decide, and the plan keeps it too{_TOO_LITTLE if settled else ''}."
+        f"{said} In {kept} the plan is the same as with {_STEPS}. In the other {other} your "
+        f"answers do not decide, so it is the same there, too{_TOO_LITTLE if settled else ''}."
     )
 
 
@@ -425,8 +427,8 @@ def policy_nearly(
         return None
     return NearlyEnough(
         f"Your plan falls at most {per_hundred(bound)} short of your ideal plan",
-        _close(result, bound),
-        size_of(told, bound, _SHORT, result.confidence),
+        _close(told, result, bound),
+        "",
     )
 
 

@@ -226,13 +226,13 @@ def test_the_colours_of_neighbouring_levels_differ_to_everybody(page: str, seen:
 
 
 def test_whoever_wanted_the_values_reads_them_before_what_follows(end: dict[str, Any]) -> None:
-    said = {**end, "headline": "Your values: ill 40.", "sure": "With 95% probability."}
+    said = {**end, "headline": "Your values: ill\u00a040.", "sure": "With 95% probability."}
     for follows, order in (
-        ("", ["Your values: ill 40.", "With 95% probability.", "What the levels are worth"]),
+        ("", ["Your values: ill\u00a040.", "With 95% probability.", "What the levels are worth"]),
         (
             "The plan is this.",
             [
-                "Your values: ill 40.",
+                "Your values: ill\u00a040.",
                 "What the levels are worth",
                 "<h2>The plan is this.</h2>",
                 "With 95% probability.",

@@ -259,9 +259,7 @@ def test_with_a_posterior_changes_are_listed_if_they_hold_with_its_confidence() 
         assert listed
         assert end["sure"].startswith("With 95% probability, your plan falls at most ")
         assert "short of your ideal plan, the one for your exact values." in end["sure"]
-        assert end["size"].startswith(
-            "Your plan could still be worse than your ideal plan, by at most as much as if "
-        )
+        assert "for your exact values. That is as much as if " in end["sure"]
 
 
 def test_where_nothing_is_at_stake_nothing_is_asked_and_that_is_said() -> None:
@@ -377,8 +375,8 @@ def test_a_budget_is_said_once_and_the_person_can_go_on() -> None:
         Interview(session, told.subject) as interview,
     ):
         assert re.fullmatch(
-            r"Without your answers, the program could choose worse for you than the best: by at "
-            r"most as much as if [\d.]+ in 100 \w+ "
+            r"Without your answers, the program may choose wrongly for you. That costs at most as "
+            r"much as if [\d.]+ in 100 \w+ "
             r"were at “.*” instead of “.*”\.",
             interview.handle({"do": "state"})["welcome"]["before"],
         )
@@ -492,9 +490,7 @@ def test_who_wants_the_values_is_asked_until_no_range_is_wide(until: str, tmp_pa
         if until:
             assert widest <= 20
             assert any(entry.answer.query.id.startswith("level/") for entry in log)
-            assert re.fullmatch(
-                r"Your values, from 0 to 100: fair \d+, ill \d+\.", end["headline"]
-            )
+            assert re.fullmatch(r"Your values, from 0 to 100: fair \d+, ill \d+\.", end["headline"])
             assert end["follows"].startswith("By your answers “surgery” is best.")
             lines = "\n".join(report_lines(person.screen, 100))
             order = [end["headline"], end["certainty"], end["follows"], end["sure"]]

@@ -198,8 +198,7 @@ def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: P
     loss = (
         r"The plan comes within ([\d.]+) in 100 of your ideal plan\. .*"
         rf"How sure: {sure}, your plan falls at most \1 in 100 short of your ideal plan, .* "
-        r"How close: Your plan could still be worse than your ideal plan, by at most as much as "
-        r"if \1 in 100 days were at “level 1” instead of “level 5”\. "
+        r"That is as much as if \1 in 100 days were at “level 1” instead of “level 5”\. "
     )
     bound = re.search(loss, " ".join(said.split()))
     assert bound, " ".join(said.split())
@@ -449,8 +448,9 @@ def test_a_plan_is_said_before_the_first_question_and_ends_the_session(
     assert "You planned 2 questions, and answered 2." in said
     assert "This is the result so far. More could be asked." in said
     assert re.search(r"So far your plan comes within \S+ in 100 of your ideal plan\.", said)
-    assert "Your plan could still be worse than your ideal plan, by at most as much as " in said
-    assert " (with 95% probability). We stop asking below" in said
+    assert "With 95% probability, your plan falls at most " in said
+    assert " That is as much as if " in said
+    assert "We stop below" in said
     code, shown, _ = taught("a\n" * 2 + "q\n", monkeypatch, capsys, *options, "--log", log)
     assert "You planned 4 questions, and answered 4." in " ".join(shown.split())
     with pytest.raises(SystemExit):
@@ -721,10 +721,7 @@ def test_icu_sepsis_is_asked_about_patients(
     code, shown, _ = taught("a\n", monkeypatch, capsys)
     assert code == 0
     assert shown.startswith("ICU-Sepsis\nThe patients are alike at the start.")
-    assert (
-        "Question 1 (about 10 to 37 more)\n\nTwo groups of 10 patients: which is better off?"
-        in shown
-    )
+    assert "Question 1 (about 10 to 37 more)\n\nTwo groups of 10 patients: which would " in shown
     assert icu_sepsis().labels[0] in shown
 
 
@@ -831,7 +828,7 @@ def test_a_family_is_taught_in_its_own_words_and_a_seed_draws_it(
     assert "Two groups of 10 years" in shown
     said = " ".join(report(shown).split())
     assert re.search(r"in 100 of your ideal plan\. (In \d+ of .*\. )?How sure: With ", said)
-    assert "by at most as much as if " in said[said.index("How close: ") :]
+    assert "That is as much as if " in said[said.index("How sure: ") :]
 
 
 def test_two_people_in_one_folder_have_a_log_each(

@@ -312,7 +312,8 @@ export function mount(root, send, options = {}) {
     const down = () => pair.getBoundingClientRect().top - top.getBoundingClientRect().top;
     const between = down() - (lead.getBoundingClientRect().bottom - top.getBoundingClientRect().top);
     const heading = body.firstChild.offsetHeight + parseFloat(getComputedStyle(body.firstChild).marginBottom);
-    const edges = 2 * parseFloat(getComputedStyle(lead).paddingTop);
+    const { paddingTop, borderTopWidth } = getComputedStyle(lead);
+    const edges = 2 * (parseFloat(paddingTop) + parseFloat(borderTopWidth));
     room.lead = Math.max(room.lead, down() + more - passing, notes + heading + edges + (usual + BETWEEN) * line + between);
     const over = room.lead - more - down();
     if (over > 0) lead.style.minHeight = `${lead.offsetHeight + over}px`;
@@ -450,7 +451,7 @@ export function mount(root, send, options = {}) {
       show({ do: "start", who: who.value, ...chosen }, "The interview has not started yet.");
     };
     const says = [
-      ["You compare.", `${compare} There is no right or wrong answer: your own judgement counts.`],
+      ["You compare.", compare],
       ["The program learns.", purpose || "It works out how good each level is to you."],
       seen,
     ].map(([title, text]) => part("p", "step", {}, [part("b", "", {}, [title]), ` ${text}`]));
@@ -634,7 +635,7 @@ export function mount(root, send, options = {}) {
     const at = screen.welcome.budgets.findIndex((one) => `${one.minutes}` === value);
     const found = value === VALUES ? values : value === SETTLED ? settled : budgets[at];
     const none = ready ? (budgets.length || settled ? "" : UNFORESEEN) : "Trying to foresee how far each choice of time gets\u00a0...";
-    const goal = value === VALUES ? `${andValues(screen.welcome.width)} ` : "";
+    const goal = value === VALUES ? `${andValues(screen.welcome.width, screen.legend.levels)} ` : "";
     say(place, `${goal}${found ? `${found} ${SIMULATED}` : none}`.trim());
   }
 
@@ -922,7 +923,8 @@ const SIMULATED = "These forecasts are from simulated people whose values differ
 const UNFORESEEN = "How far each choice of time gets cannot be foreseen here. You will see it as you go.";
 const VALUES = "values"; // choices of time that are no minutes
 const SETTLED = "settled";
-const andValues = (width) => `Some questions are about single levels, until the range of each is at most ${width} wide, on the scale from 0 to 100.`;
+const andValues = (width, [best, ...others]) =>
+  `It goes on until the value of each level is known to within a range of ${width}, on a scale from 0 (“${others.at(-1).label}”) to 100 (“${best.label}”).`;
 const MEANT = "If no answer is a mistake"; // head of a column
 const MISTAKES = "Allowing for mistakes"; // head of the column beside it
 const GIVEN = "It was given when the program was started.";
@@ -979,8 +981,8 @@ export function button(name, words, done, key, shortcut) {
   return made;
 }
 
-// "1 in 100" does not end one line and begin the next.
-const unbroken = (text) => text.replace(/(\d) in (\d)/g, "$1\u00a0in\u00a0$2");
+// Neither "1 in 100" nor a level and its value are parted at the end of a line.
+const unbroken = (text) => text.replace(/(\d) in (\d)/g, "$1\u00a0in\u00a0$2").replace(/ (\d+[,.:])/g, "\u00a0$1");
 
 export function section(title, inside) {
   return part("section", "part", {}, [part("h2", "", {}, [title]), ...inside]);

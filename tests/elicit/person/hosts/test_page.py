@@ -1511,7 +1511,7 @@ def test_whoever_wanted_the_values_sees_them_before_what_follows(
         page = practised(windows, server, size, [1])
         name(page, "Finish now").click()
         at(page, "Result")
-        assert page.locator("h1").inner_text().startswith("Your values, from 0 to 100: ")
+        assert page.locator("h1").inner_text().startswith("Your values, from 0 to\u00a0100: ")
         follows = "You stopped early. Your plan is settled."
         tops = [
             page.locator(which).first.bounding_box()["y"]
