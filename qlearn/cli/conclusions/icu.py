@@ -79,7 +79,7 @@ def icu_states(mdp: OrdinalMDP) -> Callable[[str], str]:
 
 
 class _Recorded(NamedTuple):
-    """What the benchmark's tables say of each live state, by treatment as the doctors gave it."""
+    """Shares in the tables of the benchmark, if patients are treated as the doctors did."""
 
     ventilated: Floats  # (713,) share of patients on mechanical ventilation
     die: Floats  # (713,) share who die
