@@ -94,7 +94,8 @@ class Drawing:
         loss = None if start is None else start.loss
         compare = (
             f"Each question shows two {words.side}s of {words.unit}. You choose one of them, as if "
-            "the decision were yours to make. There is no right or wrong answer."
+            "the decision were yours to make. “Equally good” is an answer too, and need not be "
+            "exact. There is no right or wrong answer."
         )
         return {
             "who": printable(self._session.who or ""),
@@ -294,11 +295,11 @@ class Drawing:
         whole = query is not None and shown_of(self._subject, query).exact
         now = datetime.now(UTC)
         title = printable(self._subject.words.title)
-        facts = dict(self._subject.facts.of)
+        end = self.end(query is not None and not whole)
         html = report_page(
             title,
             f"{now.day} {now:%B %Y, %H:%M} UTC",
-            self.end(query is not None and not whole),
+            end,
             self.answers()["answers"],
             waiting=whole,
             details=ReportDetails(
@@ -308,7 +309,7 @@ class Drawing:
                 preamble=about_questions(self._subject.words),
                 legend=legend_of(self._subject),
                 source=printable(self._subject.source),
-                facts={**facts, "Version": f"elicit-qlearn {version()}"},
+                facts={**dict(end["facts"]), "Version": f"elicit-qlearn {version()}"},
                 limits=self._limits(),
             ),
         )
@@ -358,19 +359,35 @@ class Drawing:
             return []
         return [dict(zip(found.columns, row, strict=True)) for row in found.rows]
 
+    def _asked_until(self) -> str:
+        """Return when the questions were to end, by the person's choice."""
+        chosen = self._chosen
+        if chosen.budget is not None:
+            spent = "" if chosen.minutes is None else f", planned for {chosen.minutes} minutes"
+            return f"{chosen.budget} questions{spent}, or a settled result"
+        if chosen.width is None:
+            return "a settled result"
+        return f"a settled result, and no level's range wider than {chosen.width:.0f} of 100"
+
     def _scale_row(self, row: dict[str, Any]) -> dict[str, Any]:
-        """Return a level as a row to keep, with the name of the person and of the problem."""
-        given = row["given"] or (None, None)
+        """Return a level as a row to keep, with the names of the person and of the problem.
+
+        The checksum of the log's last line tells interviews apart.
+        """
+        given, log = row["given"] or (None, None), self._session.log
         return {
             "who": printable(self._session.who or "") or None,
             "problem": printable(self._subject.words.title),
+            "checksum": log.checksum,
+            "program": f"elicit-qlearn {version()}",
+            "asked_until": self._asked_until(),
             "level": row["label"],
             "value": round(row["value"], 2) if row["known"] or row["rough"] else None,
             "low": row["low"],
             "high": row["high"],
             "low_if_no_mistake": given[0],
             "high_if_no_mistake": given[1],
-            "asked": row["asked"],
+            "asked": row["asked"] and row["low"] < row["high"],  # the two ends are fixed
             "known": row["known"],
         }
 
@@ -497,7 +514,11 @@ class Drawing:
                 )
                 if name
             ],
-            "facts": [list(pair) for pair in subject.facts.of],
+            "facts": [
+                *map(list, subject.facts.of),
+                ["Asked until", self._asked_until()],
+                ["Status", ENOUGH if rests else status],
+            ],
             "limits": self._limits(),
             "counts": counts.record(),
             "given": counts.sentence,

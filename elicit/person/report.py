@@ -66,7 +66,7 @@ dl { display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1rem; fon
 dd { margin: 0; overflow-wrap: anywhere; }
 .log { border-top: 1px solid var(--edge); margin-top: 2rem; padding-top: .6rem; font-size: .85rem; }
 summary { cursor: pointer; color: var(--link); padding: .3rem 0; } details > table { margin-top: .4rem; }
-.wide td.number { white-space: nowrap; } .answers td:nth-child(3) { font-size: .85rem; }
+.wide td.number { white-space: nowrap; } .wide thead th { overflow-wrap: break-word; } .answers td:nth-child(3) { font-size: .85rem; }
 @media (min-width: 44rem) { .answers td:nth-child(3) { white-space: nowrap; } .wide { table-layout: auto; } .wide th, .wide td { overflow-wrap: break-word; } }
 @media (max-width: 34rem) {
   body { margin-top: 1rem; } table { font-size: .9rem; } th, td { padding: .3rem .2rem; }

@@ -59,7 +59,10 @@ from qlearn.problems.families.words import WORDS
 
 _SESSIONS = {"polytope": 12, "posterior": 4}  # simulated; one takes about 1 s, and 8 to 25 s
 _RANDOM = (30, 3, 5, 0.9)  # states, actions, levels, discount
-_KINDS = {"posterior": " (allows for errors)", "polytope": " (takes every answer for right)"}
+_KINDS = {
+    "posterior": " (a Bayesian model, by which some answers are mistakes)",
+    "polytope": " (takes every answer for right)",
+}
 _LEARNS = "It works out how good each level is to you."
 _EQUAL_STEPS = (
     "Your plan is compared with the plan for equal steps: each level is then better than the one "

@@ -50,6 +50,7 @@ _MOST_LEVELS = 6  # levels up to which a sentence says how two alternatives diff
 _EVERY = "for all values that fit your answers"
 _BEST = "best"
 _EACH_ROW = "Each row has the outcomes of 100 {unit}."
+_NONE = "-"  # the cell of the best one, which is behind no other
 _SAME = 1e-9  # outcomes of 100 by which two numbers differ by rounding only
 
 
@@ -465,9 +466,9 @@ def _worth(
         (
             printable(names[i]),
             *outcomes[i],
-            f"{100 * points[i]:.1f}" if narrow[i] else f"about {100 * points[i]:.0f}",
+            _worth_in_tenths(100 * points[i], narrow[i]),
             f"{100 * low[i]:.0f} to {100 * high[i]:.0f}",
-            f"{behind[i]:.1f}" if narrow[i] and narrow[best] else f"about {behind[i]:.0f}",
+            _NONE if i == best else _worth_in_tenths(behind[i], narrow[i] and narrow[best]),
         )
         for i in order
     )
@@ -475,8 +476,8 @@ def _worth(
     apart = float(above.max(initial=-1.0))
     # shown where the ranges as they are shown overlap or touch, by more than the bound
     overlap = (
-        f" Two ranges may touch or overlap although one {told.alternative} is better: if a level "
-        "is worth more, both gain."
+        f" The ranges of two {in_plural(told.alternative)} may touch or overlap although one is "
+        "surely better, because both rise with the value of the same level."
         if 100.0 * (apart - result.loss_bound) > -_ROUNDED
         else ""
     )
@@ -489,13 +490,18 @@ def _worth(
         f"{_EACH_ROW.format(unit=printable(told.words.unit))} Worth is 0 if all were "
         f"“{printable(labels[0])}”, and 100 if all were “{printable(labels[-1])}”: the best guess, "
         f"and its range. “Behind” is how much less than “{printable(result.name)}”, by "
-        f"the best guess. Numbers are rounded last.{none_ahead}{overlap}",
+        f"the best guess. Each number is computed from unrounded ones.{none_ahead}{overlap}",
         told.alternative,
         unfolded=len(names) <= _MOST_UNFOLDED,
         several=many,
         marked=order.index(best),
         mark=mark,
     )
+
+
+def _worth_in_tenths(number: float, exact: bool) -> str:
+    """Return a number with one decimal, or, if it is not exact, as "about" so much."""
+    return f"{number:.1f}" if exact else f"about {number:.0f}"
 
 
 def _none_ahead(names: Sequence[str], ahead: _Ahead, best: int, settled: bool) -> str:

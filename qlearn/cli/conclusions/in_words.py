@@ -100,7 +100,7 @@ def size_and_end(told: InWords, loss: float, what: str, confidence: float, settl
 
 def until(told: InWords) -> str:
     """Return a sentence on when questions end."""
-    return f"We stop asking below {per_hundred(told.tolerance)}."
+    return f"The result counts as settled below {per_hundred(told.tolerance)}."
 
 
 def is_little(told: InWords, loss: float, before: float | None) -> bool:

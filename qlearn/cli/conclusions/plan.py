@@ -86,7 +86,11 @@ def policy_conclusion(
             Status.UNSURE: "What is still open, you could not tell.",
             Status.EXHAUSTED: "Every question that would help was answered, or you could not tell.",
         }.get(result.status, "")
-        more = "" if after else f"More answers help. We stop below {per_hundred(told.tolerance)}."
+        more = (
+            ""
+            if after
+            else f"More answers help. It is settled below {per_hundred(told.tolerance)}."
+        )
     unasked = (
         ""
         if before is None

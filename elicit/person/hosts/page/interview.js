@@ -279,8 +279,7 @@ export function mount(root, send, options = {}) {
   // The answers are at the same place in every question. What is above them gets room for a line of notes and for the
   // usual sentences, and the sides get room for every level and for the most circles, as far as the window has it. A
   // narrow page has room for one or the other, and questions of many have a room of their own there. Room that is left
-  // over is around the sentences, in their box. A long note, and long words in the head, take of that room what they
-  // need. A question that needs more gets it, and so do all later ones.
+  // over is below the sentences. A long note, and long words in the head, take of that room what they need. A question that needs more gets it, and so do all later ones.
   function steady() {
     slot.style.minHeight = "";
     const pair = body.querySelector(".lead + .pair");
@@ -312,9 +311,7 @@ export function mount(root, send, options = {}) {
     const down = () => pair.getBoundingClientRect().top - top.getBoundingClientRect().top;
     const between = down() - (lead.getBoundingClientRect().bottom - top.getBoundingClientRect().top);
     const heading = body.firstChild.offsetHeight + parseFloat(getComputedStyle(body.firstChild).marginBottom);
-    const { paddingTop, borderTopWidth } = getComputedStyle(lead);
-    const edges = 2 * (parseFloat(paddingTop) + parseFloat(borderTopWidth));
-    room.lead = Math.max(room.lead, down() + more - passing, notes + heading + edges + (usual + BETWEEN) * line + between);
+    room.lead = Math.max(room.lead, down() + more - passing, notes + heading + (usual + BETWEEN) * line + between);
     const over = room.lead - more - down();
     if (over > 0) lead.style.minHeight = `${lead.offsetHeight + over}px`;
     else slot.style.minHeight = `${Math.max(0, slot.offsetHeight + over)}px`;
@@ -609,7 +606,7 @@ export function mount(root, send, options = {}) {
     why?.querySelectorAll("p").forEach((p) => p.remove());
     const said = beside.why.length || beside.ready ? beside.why : ["Still being worked out ..."];
     const unsaid = said.filter((line) => !screen.question.check.includes(line)); // the note above says the others
-    const lines = said.length ? unsaid : ["Of all questions that could come now, this one is expected to narrow the result most."];
+    const lines = said.length || screen.question.check ? unsaid : ["Of all questions that could come now, this one is expected to narrow the result most."];
     const all = [...lines, beside.rose ? "" : beside.forecast].filter(Boolean);
     if (!all.length) all.push("The note above the question says why.");
     why?.append(...all.map((line) => part("p", "", {}, [line])));
