@@ -21,7 +21,7 @@ from elicit._support.closing import Closing
 from elicit.model.query import Answer, Query, Verdict
 from elicit.person.asker import AfterAnswer, Asker, Compares, LookAhead, Supposed
 from elicit.person.course.conduct import AGAIN, LEAST_CHECKS, ORDER, Conduct
-from elicit.person.course.consequences import Consequences
+from elicit.person.course.conflicts import Consequences
 from elicit.person.course.forecast import AtQuestion, QuestionsToCome
 from elicit.person.course.kept_in_log import Choices
 from elicit.person.course.level_questions import FURTHER, LEVEL, questions_left
