@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from elicit._support import jit
 from elicit._support.hashing import key_of
 from elicit._support.seeds import seed_of
-from elicit._support.validation import is_list, is_number, is_whole, require
+from elicit._support.validation import require
 from elicit.asking.answered_pairs import AnsweredPairs
 from elicit.asking.elicitation_kernel import (
     BOUNDS,
@@ -31,11 +31,11 @@ from elicit.asking.elicitation_kernel import (
 )
 from elicit.asking.near_ties import NearTies
 from elicit.asking.options import (
-    MAX_AUDITS,
     AskingOptions,
     EarlierAnswers,
     check_options,
     checked_known,
+    checked_values,
 )
 from elicit.asking.question import AnsweredQuery, Audit, Pair, Pending, Place
 from elicit.asking.several_people import CannotTell, addressed, nobody_left, verdict_of_all
@@ -124,44 +124,16 @@ class Elicitation:
         **asking: Unpack[AskingOptions],
     ) -> None:
         check_options(self, asking)
-        indifference = asking.get("indifference")
-        indifference = 0.0 if indifference is None else indifference
-        max_queries = asking.get("max_queries")
-        audit = asking.get("audit", 0.0)
-        max_audits = asking.get("max_audits", MAX_AUDITS)
-        batch = asking.get("batch", 1)
-        labels = asking.get("labels")
-        require(is_number(indifference, 0), "indifference", "a number of at least 0", indifference)
-        require(
-            max_queries is None or is_whole(max_queries, 0),
-            "max_queries",
-            "None or a whole number from 0 on",
-            max_queries,
-        )
-        require(
-            is_number(audit, 0, 1),
-            "audit, the share of decided pairs to ask about,",
-            "in 0..1",
-            audit,
-        )
-        require(is_whole(max_audits, 0), "max_audits", "a whole number of at least 0", max_audits)
-        require(is_whole(batch, 1), "batch", "a whole number of at least 1", batch)
-        k = comparator.k
-        require(
-            labels is None or is_list(labels, k),
-            "labels",
-            f"None or {k} names, one a level",
-            labels,
-        )
+        options = checked_values(asking, comparator.k)
         self._several = len(people_of(comparator)) > 1
         require(
-            not (audit and self._several),
+            not (options.audit and self._several),
             "audit, of a comparator of several people,",
             "0: an audit asks one person what the answers of all imply",
-            audit,
+            asking.get("audit"),
         )
         self.comparator = comparator
-        self.batch = int(batch)
+        self.batch = options.batch
         self.answers = Answers.none(comparator.k)
         self.asked = 0
         self.cannot_tell = 0
@@ -176,16 +148,15 @@ class Elicitation:
             False  # whether undecided pairs go by the best guess for now, to be asked about later
         )
         self._fingerprint = fingerprint
-        self._indifference = float(indifference)
-        self._max_queries = max_queries
-        self._audit, self._max_audits = float(audit), int(max_audits)
+        self._indifference, self._max_queries = options.indifference, options.max_queries
+        self._audit, self._max_audits = options.audit, options.max_audits
         tie = 0.0 if isinstance(comparator, AlwaysAsk) else tie_of(comparator)
         self._near_ties = NearTies(tie, counts=tie > 0 and not self._several)
         self._key = np.uint64(key_of(seed_of(asking.get("seed", 0))))
         self._number = 0
         self._answered = AnsweredPairs(comparator.k)
         self._undecided = undecided
-        self._labels = labels
+        self._labels = options.labels
         self._cannot = CannotTell()
         self._unclear: set[Hashable] = set()  # names of where the tutor could not tell
         self._untold = False  # whether there are pairs known as such that the tutor could not tell

@@ -2,10 +2,11 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from os import PathLike
-from typing import TypeAlias, TypedDict, cast
+from typing import NamedTuple, TypeAlias, TypedDict, cast
 
 from elicit._support.hashing import Seed
 from elicit._support.keywords import check_keywords
+from elicit._support.validation import is_list, is_number, is_whole, require
 from elicit.model.comparator import check_answers
 from elicit.model.query import Answer, Answers
 from elicit.tutors.answer_log import Entry
@@ -58,9 +59,58 @@ class AskingOptions(TypedDict, total=False):
     labels: Sequence[str] | None
 
 
+class OptionValues(NamedTuple):
+    """Values of ``AskingOptions`` that are in range. Those not given have their defaults."""
+
+    indifference: float
+    max_queries: int | None
+    audit: float
+    max_audits: int
+    batch: int
+    labels: Sequence[str] | None
+
+
 def check_options(taker: object, given: AskingOptions) -> None:
     """Raise TypeError for an option that neither ``AskingOptions`` nor the taker has."""
     check_keywords(type(taker), given, AskingOptions.__annotations__)
+
+
+def checked_values(given: AskingOptions, k: int) -> OptionValues:
+    """Return the values of the options, for k levels. An indifference of None is 0.
+
+    Raises ValueError for one that is out of range.
+    """
+    indifference = given.get("indifference")
+    indifference = 0.0 if indifference is None else indifference
+    max_queries = given.get("max_queries")
+    audit = given.get("audit", 0.0)
+    max_audits = given.get("max_audits", MAX_AUDITS)
+    batch = given.get("batch", 1)
+    labels = given.get("labels")
+    require(is_number(indifference, 0), "indifference", "a number of at least 0", indifference)
+    require(
+        max_queries is None or is_whole(max_queries, 0),
+        "max_queries",
+        "None or a whole number from 0 on",
+        max_queries,
+    )
+    require(
+        is_number(audit, 0, 1),
+        "audit, the share of decided pairs to ask about,",
+        "in 0..1",
+        audit,
+    )
+    require(is_whole(max_audits, 0), "max_audits", "a whole number of at least 0", max_audits)
+    require(is_whole(batch, 1), "batch", "a whole number of at least 1", batch)
+    require(
+        labels is None or is_list(labels, k),
+        "labels",
+        f"None or {k} names, one a level",
+        labels,
+    )
+    return OptionValues(
+        float(indifference), max_queries, float(audit), int(max_audits), int(batch), labels
+    )
 
 
 def filled(given: AskingOptions, defaults: AskingOptions) -> AskingOptions:

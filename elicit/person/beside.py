@@ -7,140 +7,34 @@ what is known by then, without waiting.
 
 from __future__ import annotations
 
-import copy
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import chain
 from typing import Any
 
 import numpy as np
 
-from elicit._support.background import Background, MadeAhead, Turns
+from elicit._support.background import Background, Turns
 from elicit._support.closing import Closing
 from elicit.model.query import Answer, Query, Verdict
-from elicit.person.asker import AfterAnswer, Asker, Compares, Supposed, tell
+from elicit.person.asker import AfterAnswer, Asker, Compares, LookAhead, Supposed
 from elicit.person.course.conduct import AGAIN, LEAST_CHECKS, ORDER, Conduct
-from elicit.person.course.consequences import Consequences
-from elicit.person.course.forecast import QuestionsLeft
+from elicit.person.course.conflicts import Consequences
+from elicit.person.course.forecast import AtQuestion, QuestionsToCome
 from elicit.person.course.kept_in_log import Choices
 from elicit.person.course.level_questions import FURTHER, LEVEL, questions_left
 from elicit.person.course.offers import nearly_from
 from elicit.person.course.pace import Pace
 from elicit.person.drawing import MINUTES, Drawing
+from elicit.person.mending import each_supposed
 from elicit.person.outlook import Outlook, Prospects
 from elicit.person.session import Session
 from elicit.person.showing import Shown, Subject, shown_of
-from elicit.tutors.answer_log import REPEATS
 
 _CHECK = "Some questions check your answers. They show how far these can be relied on."
 _ORDER = "This question checks that you see the levels in the order in which they are listed."
-_FEWEST = (
-    "“At least {n} more” are the answers and checks without which no result is called settled."
-)
-_AFTER_THESE = "How many follow after them depends on what you answer, and cannot be said yet."
-_ROSE = "more than said before"
-_ROSE_BY_CHECK = "two answers differed"
-_NO_FORECAST = (
-    "How many more questions follow depends on what you answer, and cannot be said yet. You can "
-    "finish at any time."
-)
-# a choice is mostly sure after the fewest questions about levels, and so many more. With a CSV of
-# four levels 15 of 16 simulated sessions ended within the range said at their first question
-_UNTIL_SURE = 2
-# a plan is mostly settled after the learner's last question and so many about levels (none to six
-# in nine simulated sessions, three of them on ICU-Sepsis)
-_UNTIL_SETTLED = 3
-_NEAR = 2  # questions still likely to come, with which the end is said to be close
-_CLEAR = (Verdict.BETTER, Verdict.WORSE)
-_LIKELY_FIRST = (Verdict.BETTER, Verdict.WORSE, Verdict.EQUAL, None)
-
-
-class LookAhead:
-    """Copies of an asker, each told another possible answer, so that the next questions are ready.
-
-    ``steps`` computes the copies. It may run in another thread than ``told``.
-
-    Parameters
-    ----------
-    asker : Asker
-        The asker that has the pending query.
-    twin : Asker
-        A copy of it, which nothing else uses.
-    query : Query
-        The pending query.
-    swapped : bool
-        True if the query is shown with left and right exchanged.
-    who : str, optional
-        The person who will answer.
-    """
-
-    def __init__(
-        self, asker: Asker, twin: Asker, query: Query, swapped: bool, who: str | None = None
-    ) -> None:
-        self.asker, self.query = asker, query
-        self._twin, self._swapped, self._who = twin, swapped, who
-        self._ahead = MadeAhead[Verdict | None, AfterAnswer]()
-        self._copies: list[tuple[Asker, Asker]] = []  # an asker that was made, and a copy of it
-        self.is_near: Callable[[Any], bool] | None = None
-        """Takes a result, and returns whether little could be lost by stopping. It is set before
-        ``steps`` if ``results`` will be gone through."""
-        self.found: tuple[tuple[Asker, Any], ...] = ()
-        """Askers after an answer, each with its result."""
-
-    def steps(self) -> Iterator[None]:
-        """Compute the asker after a possible answer in each step. A step that fails is left out."""
-        return self._ahead.steps(
-            {verdict: partial(self._after, verdict) for verdict in _LIKELY_FIRST}
-        )
-
-    def _after(self, verdict: Verdict | None) -> AfterAnswer:
-        asker = copy.deepcopy(self._twin)
-        answer = Answer(self.query, verdict, self._swapped, self._who)
-        found = AfterAnswer(asker, tell(asker, answer))
-        asker.ask()
-        if self.is_near is not None and verdict in _CLEAR:
-            # it is copied here, because later the session goes on with the asker
-            self._copies.append((asker, copy.deepcopy(asker)))
-        return found
-
-    def results(self) -> Iterator[None]:
-        """Compute the result after each answer that says which side is better, in a step each.
-
-        What the offer to stop would say is computed too. It is kept with the result, for the
-        bounds in it take most of the time.
-        """
-        while self.is_near is not None and self._copies:
-            asker, same = self._copies.pop(0)
-            result = same.result()
-            self.is_near(result)
-            self.found = (*self.found, (asker, result))
-            yield
-
-    def waits_for(self, asker: Asker, query: Query) -> bool:
-        """Return whether this object was made for this query of this asker."""
-        return asker is self.asker and query.id == self.query.id
-
-    def told(self, asker: Asker, answer: Answer) -> AfterAnswer | None:
-        """Return the asker after this answer, or None if that was not computed.
-
-        It is returned only once. If it is being computed, the call waits for it.
-
-        Parameters
-        ----------
-        asker : Asker
-        answer : Answer
-
-        Returns
-        -------
-        AfterAnswer or None
-        """
-        if not self.waits_for(asker, answer.query) or answer.swapped != self._swapped:
-            return None
-        if answer.who != Answer(self.query, None, who=self._who).who:
-            return None
-        return self._ahead.take(answer.verdict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,21 +134,17 @@ class Beside(Closing):
         self._pace = Pace()  # then: without the lock the log must not be read
         self._weighed: Consequences[Supposed] | None = None
         self._since: list[Verdict | None] = []  # verdicts since then
-        self._conduct = Conduct.of(())  # before this question
-        self._left = QuestionsLeft()
-        self._all_told = chosen.all_told
+        self._to_come = QuestionsToCome(
+            chosen,
+            least=subject.least,
+            checks=session.audits,
+            asks_on=subject.enough is not None,
+            slow=subject.enough_is_slow,
+        )
         self._stated: float | None = None  # the loss that was last stated
         self._near: bool | None = None  # at the last question that has notes
         self._results: tuple[tuple[Asker, Any], ...] = ()  # after the last answer
-        # questions about levels, this one included, after "ask me more" or until it is enough
-        self._levels_left: tuple[int, int] | None = None
-        # questions until no level's range is wide, if the person chose to go on so far
-        self._to_narrow = 0, 0
-        self._no_others = False  # but those that are needed
-        self._may_change = False  # true if the answer to this question may make others needed
-        self._differed = False  # the last answer from the one that it repeats
         self._reason = ""  # for this question, if its card says why it comes
-        self._needed = (0, 0)  # answers and checks that must still come after this question
 
     def start(self, steps: Iterator[None]) -> None:
         """Compute these steps in place of the present ones."""
@@ -286,6 +176,7 @@ class Beside(Closing):
             enough = None if subject.enough_is_slow else subject.enough
             prospects = Prospects(twin, numbers, subject.seed, self._ends, enough)
             self._prospects = self._company.foresee(prospects, self._background)
+            self._to_come.simulated = self._prospects
 
     def prospects(self, started: bool) -> dict[str, Any]:
         """Return what each planned number of questions is likely to prove, as far as it is known.
@@ -319,22 +210,27 @@ class Beside(Closing):
 
         The numbers are those of ``accompany``, for the first question.
         """
-        if not to_narrow[1] or not self._subject.least:
+        subject, pace = self._subject, self._pace
+        if not to_narrow[1] or not subject.least:
             return ""
-        self._conduct, self._needed, self._levels_left = Conduct.of(()), needed, None
-        asker, subject = self._session.current_asker(), self._subject
-        if (
-            subject.enough is not None
-            and not subject.enough_is_slow
-            and isinstance(asker, Compares)
-        ):
-            self._levels_left = questions_left(asker.comparator)
-        least, most = (1 + n for n in self._until_enough((0, 0), to_narrow))
-        pace = self._pace
+        levels_left = self._levels_left(subject.enough is not None and not subject.enough_is_slow)
+        first = AtQuestion(Conduct.of(()), needed, levels_left, to_narrow)
+        least, most = (1 + n for n in self._to_come.until_settled(first))
         return (
             f"In all it mostly takes {least} to {most} questions, about "
             f"{pace.minutes_for(least)} to {in_minutes(pace.minutes_for(most))}."
         )
+
+    def _levels_left(self, asks_on: bool) -> tuple[int, int] | None:
+        """Return the fewest and the most questions about levels from this one on, or None.
+
+        The result is None if the interview will not ask about levels by itself (``asks_on`` is
+        False), or if the number is not known.
+        """
+        asker = self._session.current_asker()
+        if not asks_on or not isinstance(asker, Compares):
+            return None
+        return questions_left(asker.comparator)
 
     def weigh(self, conflict: Mapping[str, Any]) -> None:
         """Start to compute the result of each choice in a conflict."""
@@ -343,23 +239,7 @@ class Beside(Closing):
             return
         last = next(e for e in reversed(session.log) if e.answer.query.id == id)
         choices = [str(one["choice"]) for one in conflict["choices"]]
-        suppose: dict[str, Callable[[], Supposed]] = {}
-        if last.repeat:
-            first = str(last.metadata[REPEATS])
-            meant = {"second": last.answer.verdict, "equal": Verdict.EQUAL, "cannot tell": None}
-            suppose = {
-                choice: session.supposing([first], [replace(last.answer, verdict=meant[choice])])
-                if choice in meant
-                else session.supposing([])
-                for choice in choices
-            }
-        else:
-            among = [entry.answer.query.id for entry in session.contradiction()]
-            without = {"cannot tell": among, "later": []}
-            suppose = {
-                choice: session.supposing(without.get(choice, [choice.removeprefix("withdraw:")]))
-                for choice in choices
-            }
+        suppose = each_supposed(session, last, choices)
         d = last.answer.query.d
         sides = [np.flatnonzero(side[1:-1]) + 1 for side in (d > 0, d < 0)]  # ends are fixed
         level = min((side for side in sides if len(side)), key=len, default=sides[0])
@@ -407,20 +287,18 @@ class Beside(Closing):
             go on so far.
         """
         self._reason = reason
-        if conduct.put != self._conduct.put:
-            self._differed = conduct.differed > self._conduct.differed
-        self._conduct, self._needed, self._no_others = conduct, needed, no_others
         session, subject, now = self._session, self._subject, self._beside
-        self._may_change = not (session.is_repeat(shown.id) or shown.id.startswith(ORDER))
+        may_change = not (session.is_repeat(shown.id) or shown.id.startswith(ORDER))
         asker = session.current_asker()
         enough, more = subject.enough, self._chosen.all_told
         known = more or to_narrow[1] > 0 or session.next_told() is not None
         if not subject.least or (subject.enough_is_slow and known):
             enough = None  # more questions come in any case
         asks_on = enough is not None and not enough(session.result())
-        self._levels_left, self._to_narrow = None, to_narrow
-        if (more or asks_on) and isinstance(asker, Compares):
-            self._levels_left = questions_left(asker.comparator)
+        levels_left = self._levels_left(more or asks_on)
+        self._to_come.go_on_to(
+            AtQuestion(conduct, needed, levels_left, to_narrow, no_others, may_change)
+        )
         if now is not None and now.shown == shown.id and now.asker is asker:
             return
         before, since = None if now is None else now.outlook, tuple(self._since)
@@ -457,8 +335,7 @@ class Beside(Closing):
         outlook = None if self._beside is None else self._beside.outlook
         if outlook is None or outlook.to_come is None or self._chosen.all_told:
             return None
-        found = self._to_come(outlook.to_come)
-        return None if found is None else (found[0], found[1])
+        return self._to_come.shown(outlook.to_come)
 
     def near(self) -> bool | None:
         """Return whether little could be lost by stopping at the last question; None if unknown."""
@@ -522,16 +399,16 @@ class Beside(Closing):
         now = self._beside
         outlook = now.outlook if now is not None and now.shown == id else None
         if outlook is None:
-            settled = self._chosen.all_told or self._to_narrow[1]
+            settled = self._chosen.all_told or self._to_come.now.to_narrow[1]
             why = [FURTHER] if id.startswith(LEVEL) and not settled else []
             why = [self._reason] if self._reason else why
             why = [_CHECK] if id.endswith(AGAIN) else why
-            forecast = self._forecast(None, None)
+            forecast = self._to_come.reply(None, None)
             if now is None or now.shown != id:  # it is not the question on the screen
                 forecast.update(to_come=None, rose=False, near=False)
             return {"id": id, "why": why, **forecast, "ready": True}
         ready = outlook.ready  # read first: whatever is there by then stays
-        forecast = self._forecast(outlook.to_come, outlook.likely)
+        forecast = self._to_come.reply(outlook.to_come, outlook.likely)
         why = [*outlook.why]
         if not outlook.counted:
             why = [_CHECK]
@@ -543,91 +420,6 @@ class Beside(Closing):
             **forecast,
             "ready": ready,
         }
-
-    def _forecast(self, played: tuple[int, int] | None, likely: int | None) -> dict[str, Any]:
-        """Return the parts of a reply on the number of questions to come."""
-        to_come, least = self._to_come(played), sum(self._needed)
-        near = to_come is not None and self._is_near_end(to_come, likely)
-        rose = to_come is not None and self._left.rose
-        said = (_ROSE_BY_CHECK if self._differed else _ROSE) if rose else ""
-        if to_come is None and self._subject.least:
-            said = f"{_FEWEST.format(n=least)} {_AFTER_THESE}" if least else _NO_FORECAST
-        return {
-            "to_come": to_come,
-            "at_least": least,
-            "rose": rose and not near,
-            "near": near,
-            "forecast": said,
-        }
-
-    def _is_near_end(self, to_come: list[int], likely: int | None) -> bool:
-        """Return whether the end is close in half of the sessions simulated from here on."""
-        if likely is None or self._chosen.all_told or not to_come[0] <= _NEAR < to_come[1]:
-            return False
-        further = 0 if self._levels_left is None else self._levels_left[0]
-        further = max(further, self._to_narrow[0])
-        return self._with_checks(max(self._needed[0], likely + further)) <= _NEAR
-
-    def _with_checks(self, number: int) -> int:
-        """Return the number of questions to come: this number, and the checks that come with it."""
-        checks = self._needed[1]
-        if self._subject.least and self._session.audits:
-            checks = self._conduct.checks_beside(number + 1, checks)
-        return number + checks
-
-    def _to_come(self, played: tuple[int, int] | None) -> list[int] | None:
-        """Return the range of questions to come that is shown, or None if nothing is known.
-
-        ``played`` are the least and the greatest number of questions in sessions simulated from
-        here on. Until there are any, the range comes from the forecast on the welcome screen. No
-        range exceeds the largest number of questions in that forecast. If the person asked for more
-        questions, it comes from the questions about levels that are likely still to come. If the
-        result is not sure enough yet, some of these are added to its upper end.
-        """
-        put, least = self._conduct.put, sum(self._needed)
-        if self._no_others:
-            may = self._may_change or self._needed[0] or self._conduct.unresolved
-            certain = not may or self._subject.enough is None
-            most = least if certain else least + _UNTIL_SURE
-            shown = self._left.shown((least, most), put, least, certain)
-            return None if shown is None else [*shown]
-        if self._chosen.all_told != self._all_told:  # what was shown before was about less
-            self._all_told, self._left = self._chosen.all_told, QuestionsLeft()
-        found, rough, wide = None, False, self._to_narrow
-        if self._chosen.all_told:
-            if self._levels_left is None:
-                return None
-            fewest, most = (self._with_checks(max(0, n - 1)) for n in self._levels_left)
-            found = fewest, most
-        elif played is not None or self._levels_left is not None or wide[1]:
-            found = self._until_enough((0, 0) if played is None else played, wide)
-            if self._prospects is not None and not wide[1]:
-                cap = max(self._prospects.questions[-1] - put - 1, found[0])
-                found = found[0], min(found[1], cap)
-        elif (
-            not self._left.known
-            and self._prospects is not None
-            and (lengths := self._prospects.lengths()) is not None
-        ):
-            fewest, most = (length - put - 1 for length in lengths)
-            found = (max(0, fewest), most) if most >= max(1, least) else None
-            rough = True
-        shown = self._left.shown(found, put, least, rough=rough)
-        return None if shown is None else [*shown]
-
-    def _until_enough(self, played: tuple[int, int], wide: tuple[int, int]) -> tuple[int, int]:
-        """Return a range of the questions to come until the result is settled and no range wide.
-
-        Checks are among them. ``played`` is that of ``_to_come``, and ``wide`` has the questions
-        until no range is wide.
-        """
-        further = 0
-        if self._subject.least and self._subject.enough_is_slow:
-            further = _UNTIL_SETTLED
-        elif self._levels_left is not None:
-            further = self._levels_left[0] + _UNTIL_SURE
-        fewest, most = max(self._needed[0], played[0]), max(self._needed[0], played[1]) + further
-        return self._with_checks(fewest + wide[0]), self._with_checks(most + wide[1])
 
 
 def in_minutes(n: int) -> str:

@@ -5,11 +5,12 @@ It also says above a question why it comes again, and what a question about a le
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from elicit.model.query import Query, Verdict
-from elicit.person.asker import Compares
+from elicit.person.asker import Compares, Supposed
 from elicit.person.course.conduct import IN_CONFLICT, ORDER, differs, was_settled
 from elicit.person.course.counts import KEPT, status_of
 from elicit.person.course.kept_in_log import Choices
@@ -170,3 +171,35 @@ class Mending:
         """Return a note for an answer that was taken back already, as by a message sent twice."""
         said = [entry.retracted for entry in self._session.log if entry.answer.query.id == id]
         return "That answer was taken back already." if said and all(said) else None
+
+
+def each_supposed(
+    session: Session, last: Entry, choices: Sequence[str]
+) -> dict[str, Callable[[], Supposed]]:
+    """Return for each choice in a conflict a function that gives the asker after that choice.
+
+    Nothing is settled. Another thread may call the functions, each of which may take a second.
+
+    Parameters
+    ----------
+    session : Session
+    last : Entry
+        The last answer of the conflict.
+    choices : sequence of str
+        As ``Mending.settle`` takes them.
+    """
+    if last.repeat:
+        first = str(last.metadata[REPEATS])
+        meant = {"second": last.answer.verdict, "equal": Verdict.EQUAL, "cannot tell": None}
+        return {
+            choice: session.supposing([first], [replace(last.answer, verdict=meant[choice])])
+            if choice in meant
+            else session.supposing([])
+            for choice in choices
+        }
+    among = [entry.answer.query.id for entry in session.contradiction()]
+    without = {"cannot tell": among, "later": []}
+    return {
+        choice: session.supposing(without.get(choice, [choice.removeprefix("withdraw:")]))
+        for choice in choices
+    }

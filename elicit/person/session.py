@@ -21,11 +21,10 @@ from elicit._support.hashing import Seed
 from elicit._support.seeds import seed_of
 from elicit._support.validation import is_number, require
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import bounds_of
-from elicit.model.comparator_parts import tie_of, unordered_of
+from elicit.model.comparator import Comparator
 from elicit.model.difference import tail_sums
 from elicit.model.pairs import same_pairs
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
+from elicit.model.query import Answer, Query, StaleAnswer, Verdict
 from elicit.person.asker import (
     AfterAnswer,
     Asker,
@@ -37,6 +36,7 @@ from elicit.person.asker import (
     counts,
 )
 from elicit.person.course.conduct import ORDER, SETTLED, Conduct, Repeats, differs, repeats_in
+from elicit.person.course.conflicts import TakenAsRight
 from elicit.person.replayed_asker import ReplayedAsker
 from elicit.tutors.answer_log import (
     EXPECTED,
@@ -47,11 +47,6 @@ from elicit.tutors.answer_log import (
     Entry,
     check_person,
 )
-
-# share of the value range by which two sides called equal may differ without a contradiction: half
-# a person of ten
-_ABOUT_EQUAL = 0.05
-_CERTAIN = 1e-9  # difference, a share of the value range, from which one side is certainly better
 
 
 @dataclass(frozen=True)
@@ -140,8 +135,7 @@ class Session(Closing):
         askers."""
         self.choose_extra: Callable[[], Query | None] | None = None
         """Chooses a question once the asker has none, if the session can make askers."""
-        # a comparator that takes all answers as true, those it was offered, and those it took
-        self._consistent: tuple[PolytopeComparator, list[Any], list[Entry]] | None = None
+        self._taken_as_right = TakenAsRight(self._comparator)
         self.audits = audit is None or audit > 0
         """False if the session was told to put no question again."""
         self.seed = seed_of(seed)
@@ -178,7 +172,7 @@ class Session(Closing):
 
         The next call makes them again from the log. A session that was given an asker keeps that.
         """
-        self._consistent = None
+        self._taken_as_right.forget()
         self._replayed.discard()
 
     @property
@@ -527,24 +521,7 @@ class Session(Closing):
         5% of the value range, or by its ``tie`` if that is more. Answers of different people do not
         contradict each other.
         """
-        told = [entry for entry in self._log if counts(entry) and entry.answer.verdict is not None]
-        people = dict.fromkeys(entry.answer.who for entry in told)
-        each = ([entry for entry in told if entry.answer.who == who] for who in people)
-        return tuple(found for own in each for found in self._conflicts_of(own))
-
-    def _conflicts_of(self, rest: list[Entry]) -> list[tuple[Entry, ...]]:
-        """Return the ``conflicts`` among the answers of one person."""
-        found: list[tuple[Entry, ...]] = []
-        while rest:
-            comparator = self._reliable(len(rest[0].answer.query.left))
-            try:
-                comparator.update(Answers.of([entry.answer for entry in rest], comparator.k))
-                break
-            except InconsistentAnswers as error:
-                rows = sorted({row for row, _ in error.answers})
-                found.append(tuple(rest[row] for row in rows))
-                rest = [entry for row, entry in enumerate(rest) if row not in rows]
-        return found
+        return self._taken_as_right.conflicts(self._told())
 
     def contradiction(self) -> tuple[Entry, ...]:
         """Return answers of one person that contradict each other, with the last answer among them.
@@ -553,21 +530,10 @@ class Session(Closing):
         each answer is taken as right, even if the comparator allows for errors. To check one more
         answer takes far less time than to find all ``conflicts``.
         """
-        rest = [entry for entry in self._log if counts(entry) and entry.answer.verdict is not None]
-        standing = self._log.standing
-        if not rest or rest[-1] is not standing[-1]:
+        told, standing = self._told(), self._log.standing
+        if not told or told[-1] is not standing[-1]:
             return ()
-        *earlier, last = rest = [e for e in rest if e.answer.who == rest[-1].answer.who]
-        comparator, kept = self._taken_for_true(earlier, len(last.answer.query.left))
-        among: tuple[Entry, ...] = ()
-        try:
-            comparator = comparator.update(Answers.of([last.answer], comparator.k))
-            kept = [*kept, last]
-        except InconsistentAnswers as error:
-            told = [*kept, last]
-            among = tuple(told[row] for row in sorted({row for row, _ in error.answers}))
-        self._consistent = comparator, _said(rest), kept
-        return among
+        return self._taken_as_right.contradiction(told)
 
     def implied(self, query: Query) -> bool:
         """Return whether a person's answers, if each is right, say which side of a query is better.
@@ -575,12 +541,8 @@ class Session(Closing):
         Answers that contradict earlier ones are left out.
         """
         who = self.answering(query)
-        told = [e for e in self._log if counts(e) and e.answer.verdict is not None]
-        comparator, _ = self._taken_for_true(
-            [entry for entry in told if entry.answer.who == who], len(query.left)
-        )
-        low, high = bounds_of(comparator, query.d[None, :])
-        return bool(low[0] > _CERTAIN or high[0] < -_CERTAIN)
+        told = [entry for entry in self._told() if entry.answer.who == who]
+        return self._taken_as_right.imply(told, query.d)
 
     def as_given(self) -> PolytopeComparator | None:
         """Return a comparator that takes each answer as right, or None.
@@ -589,34 +551,7 @@ class Session(Closing):
         two levels is open. As in ``conflicts``, two things that the person calls equal may differ
         a little.
         """
-        told = [e for e in self._log if counts(e) and e.answer.verdict is not None]
-        asker = self.current_asker()
-        opens = isinstance(asker, Compares) and unordered_of(asker.comparator) is not None
-        if not told or opens or len({entry.answer.who for entry in told}) > 1:
-            return None
-        comparator, kept = self._taken_for_true(told, len(told[0].answer.query.left))
-        return comparator if len(kept) == len(told) else None
-
-    def _taken_for_true(
-        self, entries: Sequence[Entry], k: int
-    ) -> tuple[PolytopeComparator, list[Entry]]:
-        """Return a comparator that takes answers as facts, and the answers that it has learned.
-
-        Answers that contradict earlier ones are left out. The result is kept, because it is often
-        needed again for the same answers.
-        """
-        said = _said(entries)
-        if self._consistent is not None and self._consistent[1] == said:
-            return self._consistent[0], self._consistent[2]
-        comparator, kept = self._reliable(k), list[Entry]()
-        for entry in entries:
-            try:
-                comparator = comparator.update(Answers.of([entry.answer], comparator.k))
-                kept.append(entry)
-            except InconsistentAnswers:
-                pass  # brought up when it was the last one
-        self._consistent = comparator, said, kept
-        return comparator, kept
+        return self._taken_as_right.comparator(self._told())
 
     def status(self) -> SessionStatus:
         """Return the state of the session.
@@ -683,21 +618,14 @@ class Session(Closing):
             return None
         return self.choose_replacement(query, self.answered_before())
 
-    def _reliable(self, k: int) -> PolytopeComparator:
-        """Return a comparator without answers that takes each answer as true."""
+    def _told(self) -> list[Entry]:
+        """Return the answers that count and have a verdict."""
+        return [entry for entry in self._log if counts(entry) and entry.answer.verdict is not None]
+
+    def _comparator(self) -> Comparator | None:
+        """Return the asker's comparator, or None if it has none."""
         asker = self.current_asker()
-        if not isinstance(asker, Compares):
-            return PolytopeComparator(k)
-        known = asker.comparator
-        if isinstance(known, PolytopeComparator):
-            return PolytopeComparator(k, known.margin, known.prior, known.tie)
-        # who counts in ten people must round, and such a comparator learns how far "equal" reaches
-        return PolytopeComparator(k, tie=max(tie_of(known), _ABOUT_EQUAL))
-
-
-def _said(entries: Sequence[Entry]) -> list[Any]:
-    """Return the ids and verdicts of answers, by which two lists of answers are compared."""
-    return [(entry.answer.query.id, entry.answer.verdict) for entry in entries]
+        return asker.comparator if isinstance(asker, Compares) else None
 
 
 def _last_answer(entries: Sequence[Entry], id: str) -> Answer | None:

@@ -23,7 +23,7 @@ from elicit import (
     Verdict,
     choose,
 )
-from elicit.person.beside import LookAhead
+from elicit.person.asker import LookAhead
 from qlearn import InteractivePolicyIteration, InteractiveValueIteration, random_mdp
 from tests.interpreter import run
 from tests.thoroughness import scaled

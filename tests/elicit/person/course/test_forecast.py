@@ -1,6 +1,24 @@
 """Forecasts of questions left do not jump, and a loss that rose says why."""
 
-from elicit.person.course.forecast import QuestionsLeft, rise
+from dataclasses import replace
+
+from elicit.person.course.conduct import Conduct
+from elicit.person.course.forecast import AtQuestion, QuestionsLeft, QuestionsToCome, rise
+from elicit.person.course.kept_in_log import Choices
+
+
+def test_needed_questions_come_and_those_simulated_or_about_levels() -> None:
+    coming = QuestionsToCome(Choices(), least=10, checks=False, asks_on=True, slow=False)
+    now = AtQuestion(Conduct.of(()), needed=(9, 2))
+    coming.go_on_to(now)
+    reply = coming.reply(None, None)
+    assert (reply["to_come"], reply["at_least"]) == (None, 11)
+    assert reply["forecast"].startswith("“At least 11 more”")
+    assert coming.until_settled(now) == (11, 11)
+    assert coming.until_settled(now, (4, 20)) == (11, 22)
+    assert coming.until_settled(replace(now, levels_left=(4, 9))) == (11, 17)
+    assert coming.until_settled(replace(now, to_narrow=(3, 8))) == (14, 19)
+    assert coming.reply((4, 20), None)["to_come"] == [11, 22]
 
 
 def test_a_forecast_counts_down_and_changes_only_if_it_is_off_by_much() -> None:
