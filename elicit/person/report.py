@@ -76,7 +76,7 @@ summary { cursor: pointer; color: var(--link); padding: .3rem 0; } details > tab
   .scale thead .drawn { display: none; } .scale tfoot { display: block; }
   .scale .drawn { grid-row: 2; grid-column: 1 / -1; padding: 0 .8rem; } .scale tbody .drawn { margin-top: -.5rem; }
   .scale:has(td.given) .drawn { width: auto; } .scale:has(td.given) tr { grid-template-columns: minmax(0, 1fr) minmax(0, 1fr); } .scale:has(td.given) th:not(:first-child, .guess) { display: none; }
-  .scale td.given, .scale:has(td.given) td.range { grid-row: 3; text-align: left; } .scale td.given:empty { display: none; }
+  .scale td.given, .scale:has(td.given) td.range { grid-row: 3; text-align: left; } .scale td.given:empty, .scale:has(td.given) td.fixed { display: none; }
   .scale td.given::before, .scale:has(td.given) td.range::before { content: attr(data-head); display: block; font-size: .85em; color: var(--soft); }
   .answers thead, .many thead { display: none; } .many, .many tbody { display: block; }
   .many tr { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 0 1.2rem; padding: .4rem 0; border-top: 1px solid var(--line); }
@@ -219,8 +219,11 @@ def report_page(
             *_scale(end["scale"], end["certainty"], end.get("scale_notes", ())),
         ]
     parts += _headline(end)
+    asked = []
+    if details.preamble or details.legend:
+        asked = ["<h2>What was asked</h2>", *asked_about(details.preamble, details.legend)]
     if end.get("follows"):  # whoever wanted to know the values sees them first
-        parts += [*scale, f"<h2>{_unbroken(escaped(end['follows']))}</h2>"]
+        parts += [*scale, *asked, f"<h2>{_unbroken(escaped(end['follows']))}</h2>"]
     parts += _conclusion(end)
     if details.source:
         parts.append(f"<p>{escaped(details.source)}</p>")
@@ -243,9 +246,8 @@ def report_page(
         parts += [*_rows_of(plan, cut=False), "</details>"]
         if long:
             parts.append(_not_printed(f"The table of all {n} {plan['of']}s"))
-    if details.preamble or details.legend:
-        asked = asked_about(details.preamble, details.legend)
-        parts += ["<h2>What was asked</h2>", *asked]
+    if not end.get("follows"):
+        parts += asked
     found = Counts.read(end["counts"])
     each = ((found.withdrawn, "taken back"), (found.not_kept, "not kept"))
     besides = "".join(f", {some} {words}" for some, words in each if some)
@@ -431,7 +433,8 @@ def _scale(
         yield f'<tr><th scope="row">{escaped(row["label"])}</th><td class="drawn">{picture}</td>'
         for kind, words in cells.items():
             head = "" if words == FIXED else heads[kind]
-            yield f'<td class="number {kind}" data-head="{head}">{words}</td>'
+            fixed = " fixed" if words == FIXED else ""
+            yield f'<td class="number {kind}{fixed}" data-head="{head}">{words}</td>'
         yield "</tr>"
     # a narrow page has the axis here, for there the heads stand right above the numbers
     yield f'</tbody>\n<tfoot><tr class="axis"><td class="drawn">{axis}</td></tr></tfoot>\n</table>'

@@ -299,8 +299,9 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
         preamble = "Level 1 is the worst."
         return mdp, Words(title="A random problem", preamble=preamble), ""
     preamble = (
-        "The patients are alike at the start. Judge each group as a whole. The SOFA score measures "
-        "organ failure from 0 to 24, and higher is worse. In the records the patients fall into "
+        "The patients are alike at the start. Judge each group as a whole, by these 30 days alone: "
+        "the years that a death costs are left out. The SOFA score measures organ failure from 0 "
+        "to 24, and higher is worse. In the records the patients fall into "
         "713 groups of similar ones. The four middle conditions are quarters of these groups, by "
         "their mean SOFA score, and not clinical categories."
     )

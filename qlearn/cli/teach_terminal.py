@@ -350,11 +350,11 @@ def _table_lines(table: dict[str, Any]) -> Iterator[str]:
     yield from table["note"].split("\n")
     for i, (first, *cells) in enumerate(table["rows"][:_MOST_CHANGES]):
         if table["of"] == "state":
-            other, mine, why = cells
-            yield f"  - {first}: {mine}, not {other} ({why})"
+            other, mine, *why = cells
+            yield f"  - {first}: {mine}, not {other} ({'; '.join(why)})"
         elif table["of"] == "undecided state":
-            other, mine, why = cells
-            yield f"  - {first}: {other}, perhaps {mine} ({why})"
+            other, mine, *why = cells
+            yield f"  - {first}: {other}, perhaps {mine} ({'; '.join(why)})"
         else:
             each = zip(table["columns"][1:], cells, strict=True)
             mark = f" ({table['mark']})" if i == table["marked"] else ""

@@ -490,7 +490,8 @@ def _worth(
         f"{_EACH_ROW.format(unit=printable(told.words.unit))} Worth is 0 if all were "
         f"“{printable(labels[0])}”, and 100 if all were “{printable(labels[-1])}”: the best guess, "
         f"and its range. “Behind” is how much less than “{printable(result.name)}”, by "
-        f"the best guess. Each number is computed from unrounded ones.{none_ahead}{overlap}",
+        "the best guess. Worth is computed from values before they are rounded."
+        f"{none_ahead}{overlap}",
         told.alternative,
         unfolded=len(names) <= _MOST_UNFOLDED,
         several=many,

@@ -10,6 +10,7 @@ import numpy as np
 from elicit._support.fixed_order import product
 from elicit.model.comparator_parts import best_guess
 from elicit.model.outcomes import Status
+from elicit.model.scale import Floats
 from elicit.person.course.conclusion import (
     NO_LOSS,
     Conclusion,
@@ -86,11 +87,7 @@ def policy_conclusion(
             Status.UNSURE: "What is still open, you could not tell.",
             Status.EXHAUSTED: "Every question that would help was answered, or you could not tell.",
         }.get(result.status, "")
-        more = (
-            ""
-            if after
-            else f"More answers help. It is settled below {per_hundred(told.tolerance)}."
-        )
+        more = "" if after else f"More answers help. {until(told)}"
     unasked = (
         ""
         if before is None
@@ -246,8 +243,9 @@ def _changes(
     some = ""
     if n:
         title = f"In {n} of {live} {told.states} your answers change the {told.plan}"
-        hold = "This change is better" if n == 1 else "Each of these changes is better"
-        some = f" {hold} {_for_certain(result)}, if the rest of the {told.plan} is as here."
+        hold = "this change is better" if n == 1 else "each of these changes is better"
+        some = f" By your values {hold} {_for_certain(result)}, if the rest of the {told.plan} is"
+        some += " as here."
         if with_probability(result.confidence):
             some += " More answers may still change this list."
     else:
@@ -260,7 +258,12 @@ def _changes(
     if rest and n:
         some += f" In {rest} more, further answers might change it."
     word = printable(told.words.ends[-1]) if effects else ""
-    why_note = " “Why” names the level that matters most by the best guess." if why else ""
+    why_note = (
+        " “Why” names the level that matters most by the best guess. “Share of time” has the level "
+        "that loses and the one that gains most, of all time, where later time counts less."
+        if why
+        else ""
+    )
     certain, perhaps = (
         tuple(
             (
@@ -269,15 +272,20 @@ def _changes(
                 action_words(learned),
                 why[s],
                 *([effects[s].said(word)] if effects else []),
+                _moved(told, moved),
             )
-            for s, learned, held in zip(
-                found.states.tolist(), found.learned.tolist(), found.holds.tolist(), strict=True
+            for s, learned, held, moved in zip(
+                found.states.tolist(),
+                found.learned.tolist(),
+                found.holds.tolist(),
+                found.differences,
+                strict=True,
             )
             if held is wanted
         )
         for wanted in (True, False)
     )
-    more = (_IN_MODEL,) if effects else ()
+    more = (*((_IN_MODEL,) if effects else ()), "Share of time")
     not_decided = ResultTable(
         f"Not decided by your answers in {rest} of {live} {told.states}",
         ("State", "In the plan (equal steps)", "Perhaps better", "Why", *more),
@@ -301,6 +309,15 @@ def _changes(
         f"Compared with {_STEPS}.{some}{why_note if n else ''}\n{told.legend}".strip(),
         open=not_decided if rest else None,
     )
+
+
+def _moved(told: InWords, difference: Floats) -> str:
+    """Return the levels that lose and gain most of the time, by a vector value (k,), as a text."""
+    said = []
+    for level, word in ((int(difference.argmin()), "less"), (int(difference.argmax()), "more")):
+        share = abs(float(difference[level]))
+        said.append(f"{100 * share:.2g}% {word} at “{printable(told.labels[level])}”")
+    return ", ".join(said)
 
 
 def _trade(

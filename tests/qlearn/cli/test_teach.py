@@ -450,7 +450,7 @@ def test_a_plan_is_said_before_the_first_question_and_ends_the_session(
     assert re.search(r"So far your plan comes within \S+ in 100 of your ideal plan\.", said)
     assert "With 95% probability, your plan falls at most " in said
     assert " That is as much as if " in said
-    assert "We stop below" in said
+    assert "The result counts as settled below" in said
     code, shown, _ = taught("a\n" * 2 + "q\n", monkeypatch, capsys, *options, "--log", log)
     assert "You planned 4 questions, and answered 4." in " ".join(shown.split())
     with pytest.raises(SystemExit):

@@ -645,16 +645,20 @@ export function mount(root, send, options = {}) {
     const top = [part("p", settled ? "status good" : "status", {}, [settled ? `✓ ${after}` : after])];
     if (caution) top.push(part("p", "caution", {}, [caution]));
     const parts = [];
-    // whoever wanted to know the values sees them first
-    if (screen.end.follows) {
-      parts.push(...top.splice(0), worth(scale, certainty, notes, small));
-      top.push(part("h2", "", {}, [unbroken(screen.end.follows)]));
+    const { sure, size, before, next, given: gave, checks, by_chance: chance, follows } = screen.end;
+    const reached = [["How sure", sure], ["How close", size]];
+    const main = [["Your values, from 0 to 100", screen.end.values], ["Next", next]];
+    const further = [["You gave", gave], ["Checks", `${checks} ${chance}`.trim()]];
+    const told = [screen.end.effect, screen.end.reason].filter(Boolean).map((text) => part("p", "reason", {}, [text]));
+    // whoever wanted to know the values sees them first, and what else to do; a plan then is a part of its own
+    const apart = follows && plan;
+    if (follows) parts.push(...top.splice(0), worth(scale, certainty, notes, small));
+    if (follows && !apart) top.push(part("h2", "", {}, [unbroken(follows)]));
+    if (!apart) {
+      top.push(...told);
+      main.splice(1, 0, ...reached);
+      further.unshift(["Before", before]);
     }
-    if (screen.end.effect) top.push(part("p", "reason", {}, [screen.end.effect]));
-    if (screen.end.reason) top.push(part("p", "reason", {}, [screen.end.reason]));
-    const { sure, size, before, next, given: gave, checks, by_chance: chance } = screen.end;
-    const main = [["Your values, from 0 to 100", screen.end.values], ["How sure", sure], ["How close", size], ["Next", next]];
-    const further = [["Before", before], ["You gave", gave], ["Checks", `${checks} ${chance}`.trim()]];
     top.push(facts(small ? main : [...main, ...further]));
     for (const said of remarks) top.push(part("p", "caution", {}, [said]));
     const kept = part("p", "soft small kept", { role: "status" });
@@ -664,7 +668,8 @@ export function mount(root, send, options = {}) {
     parts.push(part("section", "panel", {}, top));
     if (open) parts.push(part("p", "same", {}, [open]));
     parts.push(...conflicts.map(conflict));
-    if (scale.length && !screen.end.follows) parts.push(worth(scale, certainty, notes, small));
+    if (scale.length && !follows) parts.push(worth(scale, certainty, notes, small));
+    if (apart) parts.push(section(unbroken(follows), [part("div", "panel", {}, [...told, facts([...reached, ["Before", before]])])]));
     if (changes) parts.push(changed(changes, rest));
     if (plan) parts.push(whole(plan, rest));
     if (statements.length) parts.push(rest("What else follows", lines(statements)));
