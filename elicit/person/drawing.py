@@ -367,7 +367,10 @@ class Drawing:
             return f"{chosen.budget} questions{spent}, or a settled result"
         if chosen.width is None:
             return "a settled result"
-        return f"a settled result, and no level's range wider than {chosen.width:.0f} of 100"
+        return (
+            f"a settled result, and no level's range wider than {chosen.width:.0f} of 100 "
+            f"({chosen.width / 2:g} if it reaches to 0 or 100)"
+        )
 
     def _scale_row(self, row: dict[str, Any]) -> dict[str, Any]:
         """Return a level as a row to keep, with the names of the person and of the problem.

@@ -14,7 +14,7 @@ from elicit.model.difference import tail_sums
 from elicit.model.outcomes import assumed_of_answers
 from elicit.person.course.conclusion import listed
 from elicit.person.course.level_questions import WIDE, questions_to_narrow
-from elicit.person.course.ranges import draws_again, outwards, value_ranges
+from elicit.person.course.ranges import counted_widths, draws_again, outwards, value_ranges
 from elicit.person.showing import printable
 from elicit.tutors.answer_log import Entry
 
@@ -22,10 +22,17 @@ _FEW = 3  # levels that are named in a sentence
 _AT_AN_END = 1.0  # a best guess is said to lie at an end of a range from so near on, of 100
 
 _NOT_KNOWN = "“Not known yet” (no dot): no answer is about it, or none narrows its range."
-_ROUGHLY = f"Hollow dot: a rough best guess, “about” so much, of a range wider than {WIDE:.0f}."
+_ROUGHLY = (
+    f"Hollow dot: a rough best guess, “about” so much, of a range wider than {WIDE:.0f}, or than "
+    f"{WIDE / 2:.0f} if it reaches to 0 or 100."
+)
 _PULLED = (
     "A best guess weighs all answers, and allows for a mistake in each. So it may lie at an end of "
     "the range if no answer is a mistake."
+)
+_SAME_END = (
+    "Where both ranges end alike, your answers allow values beyond that end, but these are too "
+    "improbable."
 )
 _WIDE_BUT_HEARD = (
     "{named} still {has} a wide range although you answered about {it}, because any one answer may "
@@ -53,7 +60,8 @@ class ScaleRow(NamedTuple):
     The interval is rounded outwards to whole numbers. ``asked`` is False if no answer is about the
     level: its best guess then comes from the program, not from the person.
 
-    ``known`` is False if no answer is about the level, or its interval is wider than ``WIDE``.
+    ``known`` is False if no answer is about the level, or its interval counts as wider than
+    ``WIDE`` (see ``counted_widths``).
 
     ``rough`` is True if the level is not ``known``, but answers are about it and its interval is
     less than the whole scale. Its best guess is "about" 75, where that of another level is "not
@@ -146,6 +154,8 @@ def scale_notes(
             notes.append(_ABOUT_EQUAL.format(within=100.0 * about_equal))
         if any(_at_an_end(row, ends) for row, ends in given):
             notes.append(_PULLED)
+        if any(_ends_alike(row, ends) for row, ends in given):
+            notes.append(_SAME_END)
     if not all(row.rough for row in hollow):
         notes.append(_NOT_KNOWN)
     if any(row.rough for row in hollow):
@@ -166,6 +176,15 @@ def _at_an_end(row: ScaleRow, given: tuple[float, float]) -> bool:
     """Return whether a best guess, if shown, is at an end of its range ``given``."""
     near = min(abs(row.value - end) for end in given) <= _AT_AN_END
     return (row.known or row.rough) and near and given[1] - given[0] > _AT_AN_END
+
+
+def _ends_alike(row: ScaleRow, given: tuple[float, float]) -> bool:
+    """Return whether just one end of a row's range is that of its range ``given``.
+
+    Ends at 0 or 100 do not count.
+    """
+    low, high = given[0] == row.low > 0.0, given[1] == row.high < 100.0
+    return low != high
 
 
 def _on_wide(
@@ -192,10 +211,11 @@ def narrowing(rows: Sequence[ScaleRow], comparator: Comparator) -> str:
 
     How many it takes was measured for a posterior, so nothing is said of other comparators.
     """
-    widths = [row.high - row.low for row in rows]
-    if trusted_share(comparator) is None or max(widths) <= WIDE:
+    low, high = (np.array([getattr(row, end) for row in rows]) for end in ("low", "high"))
+    widths = counted_widths(low, high)
+    if trusted_share(comparator) is None or widths.max() <= WIDE:
         return ""
-    least, most = questions_to_narrow(widths)
+    least, most = questions_to_narrow(widths.tolist())
     questions = f"{least} to {most}" if least < most else f"{most}"
     return _NARROWING.format(questions=questions, width=WIDE)
 
@@ -244,11 +264,11 @@ def scale_rows(
         low[-1] = 100.0
     if open_step[0] != 0:
         high[0] = 0.0
-    rows = []
+    rows, widths = [], counted_widths(low, high)
     for level, label in enumerate(labels):
         ends = float(low[level]), float(high[level])
         has = level in asked
-        known = has and ends[1] - ends[0] <= WIDE
+        known = has and bool(widths[level] <= WIDE)
         rough = has and not known and ends != (0.0, 100.0)
         rows.append(ScaleRow(printable(label), float(values[level]), *ends, has, known, rough))
     return rows[::-1]

@@ -28,7 +28,7 @@ from elicit.person.course.level_questions import (
     questions_to_narrow,
 )
 from elicit.person.course.offers import NEARLY_FROM, may_be_near
-from elicit.person.course.ranges import draws_again, outwards, value_ranges
+from elicit.person.course.ranges import counted_widths, draws_again, outwards, value_ranges
 from elicit.person.findings import asked_levels
 from elicit.person.session import Session
 from elicit.person.showing import Subject, near_in_whole_numbers, shown_of
@@ -267,8 +267,7 @@ def _until_narrow(ranges: tuple[Floats, Floats], width: float) -> tuple[int, int
 
     They are rounded as the result shows them.
     """
-    low, high = outwards(*ranges)
-    return questions_to_narrow((high - low).tolist(), width)
+    return questions_to_narrow(counted_widths(*outwards(*ranges)).tolist(), width)
 
 
 def _in_whole_numbers(

@@ -200,7 +200,10 @@ def purpose_of(
     low, high = value_ranges(comparator)
     if until is None or 100.0 * (high[level] - low[level]) <= until:
         return f"{said} {FURTHER}"
-    return f"{said[:-1]}, until its range is at most {until:.0f} wide, on the scale from 0 to 100."
+    return (
+        f"Questions like this one narrow what “{labels[level]}” is worth to you, until its range, "
+        f"which allows for mistakes, is at most {until:.0f} wide, on the scale from 0 to 100."
+    )
 
 
 def order_question(k: int, level: int) -> Query:

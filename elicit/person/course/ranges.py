@@ -40,6 +40,22 @@ def outwards(low: Floats, high: Floats) -> tuple[Floats, Floats]:
     )
 
 
+def counted_widths(low: Floats, high: Floats) -> Floats:
+    """Return the widths of ranges, of 100, as they count where a range is called wide.
+
+    A range with one end at 0 or 100 counts as twice as wide, but not wider than 100: no answer
+    limits the value on that side, so the best guess depends on what is assumed of people.
+
+    Examples
+    --------
+    >>> counted_widths(np.array([0.0, 0.0, 40.0, 60.0]), np.array([0.0, 15.0, 52.0, 100.0]))
+    array([ 0., 30., 12., 80.])
+    """
+    one_sided = (low <= 0.0) | (high >= 100.0)
+    widths: Floats = np.minimum(np.where(one_sided, 2.0, 1.0) * (high - low), 100.0)
+    return widths
+
+
 def ranges_of(
     comparator: Comparator, d: Floats, draws: Draws | None = None
 ) -> tuple[Floats, Floats]:

@@ -88,11 +88,11 @@ def choice_conclusion(
     """
     loss = told.stated(result.loss_bound)
     most, sure, best = per_hundred(loss), sure_of(result), printable(result.name)
-    settled = choice_holds(told, result)
+    settled, ahead = choice_holds(told, result), _ahead(names, shares, result)
     if settled:
         headline = _recommended(told, names, shares, result)
         if with_sure := with_probability(result.confidence):
-            sure = f"{capital(with_sure)} {_none_better(told, loss)}."
+            sure = f"{_at_least(with_sure, ahead, names, result)} {_none_better(told, loss)}."
         else:
             sure = f"{capital(_none_better(told, loss))}. {sure}"
         sure = f"{sure} {_although_wide(told, shares, result)}".strip()
@@ -109,9 +109,8 @@ def choice_conclusion(
         ""
         if before is None
         else f"Without your answers the choice could have lost {up_to(before, result.confidence)}: "
-        f"{told.loss(before)}."
+        f"{told.loss(before)}. {_by_steps(told, names, shares, result)}".strip()
     )
-    ahead = _ahead(names, shares, result)
     mark = (_BEST if _best_word(result) == _BEST else "chosen") if settled else "best guess"
     worth = _worth_of(shares, result)
     return Conclusion(
@@ -422,6 +421,24 @@ def most_short(shares: Floats, best: int, low: Floats, high: Floats) -> float:
 def _better(told: InWords) -> str:
     """Return the start of a clause on how much better another alternative can be."""
     return f"if another {told.alternative} is better, it is better by"
+
+
+def _by_steps(told: InWords, names: Sequence[str], shares: Floats, result: Choice) -> str:
+    """Return a sentence on which alternative is best if the steps between the levels are equal."""
+    first = names[int(np.argmax(shares @ np.linspace(0.0, 1.0, shares.shape[1])))]
+    if first == result.name:
+        return f"With equal steps between the levels, “{printable(first)}” would be best, too."
+    return f"With equal steps between the levels, “{printable(first)}” would be best."
+
+
+def _at_least(sure: str, ahead: _Ahead, names: Sequence[str], result: Choice) -> str:
+    """Return "With 95% probability", or "With at least" so much if all others are clearly behind.
+
+    If the lead is more than nothing with that probability, it is surer that there is one.
+    """
+    others = np.delete(ahead.least, list(names).index(result.name))
+    clear = bool((others > NO_LOSS).all()) and len(others) > 0
+    return capital(sure.replace("with ", "with at least ", 1) if clear else sure)
 
 
 def _none_better(told: InWords, loss: float) -> str:

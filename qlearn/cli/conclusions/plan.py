@@ -37,6 +37,7 @@ from qlearn.learners.learner import Result
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 _HARDLY = 0.02  # of the states: a plan that differs in no more is nearly the same
+_SEEN = 5e-5  # the least change of a share of time that is shown
 _REST = "what follows in the rest of the plan"
 _IN_MODEL = "In the model"
 _TOO_LITTLE = ": on the whole it makes too little difference to go on asking"
@@ -258,9 +259,11 @@ def _changes(
     if rest and n:
         some += f" In {rest} more, further answers might change it."
     word = printable(told.words.ends[-1]) if effects else ""
+    values = best_guess(result.comparator)
     why_note = (
-        " “Why” names the level that matters most by the best guess. “Share of time” has the level "
-        "that loses and the one that gains most, of all time, where later time counts less."
+        " “Why” names the level that matters most by the best guess. “Share of time” says at which "
+        "levels there is more or less of all time, where later time counts less, and what that is "
+        "worth by the best guess."
         if why
         else ""
     )
@@ -272,7 +275,7 @@ def _changes(
                 action_words(learned),
                 why[s],
                 *([effects[s].said(word)] if effects else []),
-                _moved(told, moved),
+                _moved(told, moved, values),
             )
             for s, learned, held, moved in zip(
                 found.states.tolist(),
@@ -311,13 +314,18 @@ def _changes(
     )
 
 
-def _moved(told: InWords, difference: Floats) -> str:
-    """Return the levels that lose and gain most of the time, by a vector value (k,), as a text."""
-    said = []
-    for level, word in ((int(difference.argmin()), "less"), (int(difference.argmax()), "more")):
-        share = abs(float(difference[level]))
-        said.append(f"{100 * share:.2g}% {word} at “{printable(told.labels[level])}”")
-    return ", ".join(said)
+def _moved(told: InWords, difference: Floats, values: Floats) -> str:
+    """Return how the shares of time at the levels change, best first, and what that is worth.
+
+    ``difference`` (k,) is of vector values, and ``values`` (k,) are those of the levels.
+    """
+    each = [
+        f"{told.labels[level]} {100.0 * difference[level]:+.2f}%"
+        for level in range(len(values))[::-1]
+        if abs(difference[level]) >= _SEEN
+    ]
+    worth = 100.0 * float(product(difference, values))
+    return f"{printable(', '.join(each) or 'about the same')}: worth {worth:+.2f} of 100"
 
 
 def _trade(

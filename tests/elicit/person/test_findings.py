@@ -25,7 +25,10 @@ from elicit.person.findings import (
 from tests.thoroughness import quick_first
 
 LABELS = ("died", "ill", "fair", "well")
-ROUGH = "Hollow dot: a rough best guess, “about” so much, of a range wider than 20."
+ROUGH = (
+    "Hollow dot: a rough best guess, “about” so much, of a range wider than 20, or than 10 if it "
+    "reaches to 0 or 100."
+)
 ABOVE_80 = (  # differences of two groups of 10, and the verdict on each
     ((-5, 0, 0, 10, 0, -5), 1),
     ((-5, 0, 10, 0, 0, -5), -1),
@@ -103,16 +106,16 @@ def test_a_best_guess_in_a_wide_range_is_called_inexact_and_the_reason_is_said()
 
 def test_the_note_on_wide_ranges_names_the_levels_whose_best_guess_is_about() -> None:
     ends = [ScaleRow("well", 100, 100, 100), ScaleRow("died", 0, 0, 0)]
-    for high in (20, 21, 19):
+    for high in (10, 11, 9, 21):  # a range that reaches to 0 counts as twice as wide
         row = ScaleRow("ill", 7, 0, high, known=False, rough=True)
         notes = scale_notes([ends[0], row, ends[1]], PosteriorComparator(3), settled=True)
         assert guess_in_words(row.value, row.known, row.rough) == "about 7"
         assert notes[0].startswith(f"“ill” (0 to {high}) still has a wide range ")
         said = narrowing([ends[0], row, ends[1]], PosteriorComparator(3))
         assert ("questions would narrow every range to a width of 20 or less." in said) == (
-            high > 20
+            high > 10
         )
-        assert bool(said) == (high > 20)
+        assert bool(said) == (high > 10)
         assert not narrowing([ends[0], row, ends[1]], PolytopeComparator(3))
         assert any(note.startswith("Hollow dot") for note in notes)
 

@@ -327,7 +327,7 @@ def test_a_choice_from_a_csv(lets_answer: Callable[..., str], tmp_path: Path) ->
         r"\(all “well”\), “new” is worth [\d.]+ more ",
         said,
     )
-    assert "With 95% probability no other alternative is better." in said
+    assert "With at least 95% probability no other alternative is better." in said
     assert "(Rounded" not in shown
     log = AnswerLog.read(tmp_path / "answers-care.jsonl")
     assert log.header["unit"] == "patients"
@@ -475,7 +475,7 @@ def test_why_a_question_is_asked_and_how_many_come_after_it(tmp_path: Path) -> N
         while "Enter: what was learned" not in text:
             numbers.append(int(re.search(r"Question (\d+)", text)[1]))  # type: ignore[index]
             why = teach.say("w")
-            told = "We don't yet know|So far|makes sure|This question tests"
+            told = "We don't yet know|So far|If the questions ended|It guards against"
             while not re.search(told, " ".join(why.split())):
                 assert "Still being worked out" in why
                 why = teach.say("w")

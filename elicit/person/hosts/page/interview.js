@@ -558,7 +558,8 @@ export function mount(root, send, options = {}) {
   function settling() {
     const { heading, text, answers: said, choices, id } = screen.conflict;
     const cards = said.map((one) => {
-      const parts = [part("h2", "", {}, [one.name]), part("p", "", {}, [`You said: ${one.sentence}.`])];
+      const same = one.question.sentences.length ? [" ", part("span", "soft", {}, [one.question.sentences.join(" ")])] : [];
+      const parts = [part("h2", "", {}, [one.name]), part("p", "", {}, [`You said: ${one.sentence}.`, ...same])];
       if (said.length <= 2) parts.push(sides(one.question, one.chosen));
       return part("section", "panel", {}, parts);
     });

@@ -79,7 +79,7 @@ def test_the_purpose_of_a_question_says_which_level_it_is_about() -> None:
     assert query is not None
     said = f"This question narrows what “{labels[about(query)]}” is worth to you."
     assert purpose_of(query, knows, labels, None) == f"{said} {FURTHER}"
-    assert "until its range is at most 20 wide" in purpose_of(query, knows, labels, 20.0)
+    assert "mistakes, is at most 20 wide" in purpose_of(query, knows, labels, 20.0)
     assert not purpose_of(order_question(4, 1), knows, labels, None)
 
 

@@ -154,9 +154,9 @@ def test_a_plan_changes_only_what_is_certain_and_says_what_is_not_decided(
             assert (same == n) == (reason[1] is None)
         if n:
             note += (
-                " “Why” names the level that matters most by the best guess. “Share of time” has "
-                "the level that loses and the one that gains most, of all time, where later time "
-                "counts less."
+                " “Why” names the level that matters most by the best guess. “Share of time” says "
+                "at which levels there is more or less of all time, where later time counts less, "
+                "and what that is worth by the best guess."
             )
         steps = "equal steps between the levels (each better than the one below it by the same "
         assert changes.note.strip() == f"Compared with {steps}amount).{note}"
