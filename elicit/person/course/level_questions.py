@@ -32,7 +32,7 @@ WIDE = 20.0
 """Width of a range, of 100, from which it is called wide."""
 FINE = 10.0
 """Width to which questions narrow ranges that are not wide, if the person goes on."""
-_FOR_EACH, _FOR_EACH_HALVING = 1.0, 2.0  # questions at the most, for a wide range
+_FOR_EACH, _FOR_EACH_HALVING = 1.0, 2.2  # questions at the most, for a wide range
 FURTHER = "With more answers the result depends less on any single one."
 """The reason for a question about a level, if the result is not settled."""
 GUARDS = "Earlier answers suggest how you see this. It guards against a mistake in any one of them."
@@ -155,12 +155,12 @@ def questions_to_narrow(widths: Sequence[float], width: float = WIDE) -> tuple[i
     The learner is a posterior, which allows for mistakes. A question narrows mostly one range, and
     sometimes two. In sessions of 100 simulated people about 4 and 6 levels, a quarter of whom
     answered one question in 20 at random, the number was in this range after five and more
-    questions in 813 of 885 cases.
+    questions in 1,005 of 1,075 cases.
 
     Parameters
     ----------
     widths : sequence of float
-        The width of the range of each level, of 100.
+        The width of the range of each level, of 100, as ``counted_widths`` counts it.
     width : float
 
     Returns
@@ -170,7 +170,7 @@ def questions_to_narrow(widths: Sequence[float], width: float = WIDE) -> tuple[i
     Examples
     --------
     >>> questions_to_narrow([66.0, 83.0, 12.0])
-    (1, 10)
+    (1, 11)
     """
     wide = [each for each in widths if each > width]
     halvings = sum(math.log2(each / width) for each in wide)

@@ -222,7 +222,7 @@ def test_after_few_answers_only_what_holds_for_every_plausible_scale_is_claimed(
         names = {MDP.state_name(s): s for s in range(MDP.n_states)}
         listed = end["changes"]["rows"] if end["changes"] else []
         q = action_values(plan)
-        for state, other, mine, _ in listed:
+        for state, other, mine, *_ in listed:
             s, (a, b) = names[state], (int(mine), int(other))
             assert plan[s] == a
             assert (((q[s, a] - q[s, b]) @ scales.T) > 0).all()
@@ -251,7 +251,7 @@ def test_with_a_posterior_changes_are_listed_if_they_hold_with_its_confidence() 
         result = session.result()
         names = {MDP.state_name(s): s for s in range(MDP.n_states)}
         q = action_values(np.array([int(row["action"]) for row in interview.table("plan")]))
-        for state, other, mine, _ in end["changes"]["rows"]:
+        for state, other, mine, *_ in end["changes"]["rows"]:
             s, (a, b) = names[state], (int(mine), int(other))
             d = (q[s, a] - q[s, b])[None, :]
             assert result.comparator.probability(d)[0] >= 0.95 - 1e-9
