@@ -154,7 +154,7 @@ def scale_notes(
             notes.append(_ABOUT_EQUAL.format(within=100.0 * about_equal))
         if any(_at_an_end(row, ends) for row, ends in given):
             notes.append(_PULLED)
-        if any(_ends_alike(row, ends) for row, ends in given):
+        if any(_is_cut(row, as_given) for row, _ in given):
             notes.append(_SAME_END)
     if not all(row.rough for row in hollow):
         notes.append(_NOT_KNOWN)
@@ -178,13 +178,10 @@ def _at_an_end(row: ScaleRow, given: tuple[float, float]) -> bool:
     return (row.known or row.rough) and near and given[1] - given[0] > _AT_AN_END
 
 
-def _ends_alike(row: ScaleRow, given: tuple[float, float]) -> bool:
-    """Return whether just one end of a row's range is that of its range ``given``.
-
-    Ends at 0 or 100 do not count.
-    """
-    low, high = given[0] == row.low > 0.0, given[1] == row.high < 100.0
-    return low != high
+def _is_cut(row: ScaleRow, as_given: Sequence[ScaleRow]) -> bool:
+    """Return whether answers taken as given allow values beyond just one end of a row's range."""
+    [one] = [each for each in as_given if each.label == row.label]
+    return (one.low < row.low) != (one.high > row.high)
 
 
 def _on_wide(

@@ -91,6 +91,7 @@ summary { cursor: pointer; color: var(--link); padding: .3rem 0; } details > tab
   .answers td { border-top: 0; padding: .1rem .2rem; } .answers td:nth-child(n+3) { grid-column: 2; }
   .answers td:empty { display: none; }
 }
+.wide.many { font-size: .82rem; }
 .printed { display: none; }
 @page { margin: 14mm; }
 @media print {
@@ -222,11 +223,17 @@ def report_page(
     asked = []
     if details.preamble or details.legend:
         asked = ["<h2>What was asked</h2>", *asked_about(details.preamble, details.legend)]
-    if end.get("follows"):  # whoever wanted to know the values sees them first
-        parts += [*scale, *asked, f"<h2>{_unbroken(escaped(end['follows']))}</h2>"]
-    parts += _conclusion(end)
+    follows = _conclusion(end)
     if details.source:
-        parts.append(f"<p>{escaped(details.source)}</p>")
+        follows.append(f"<p>{escaped(details.source)}</p>")
+    tables = [*_changes(end), *_whole_plan(end)]
+    apart = bool(end.get("follows") and end.get("plan"))
+    if end.get("follows"):  # whoever wanted to know the values sees them first
+        parts += [*scale, *asked]
+    if end.get("follows") and not apart:
+        parts.append(f"<h2>{_unbroken(escaped(end['follows']))}</h2>")
+    if not apart:
+        parts += follows
     if end["open"]:
         parts.append(f"<p>{escaped(end['open'])}</p>")
     if not end.get("follows"):
@@ -236,16 +243,8 @@ def report_page(
         parts += map(conflict_box, end["conflicts"])
     if end["statements"]:
         parts += ["<h2>What else follows</h2>", *_statements(end["statements"])]
-    if end.get("changes"):
-        parts += _changes(end["changes"])
-    if plan := end.get("plan"):
-        parts += [f"<h2>{escaped(plan['title'])}</h2>", f"<p>{escaped(plan['note'])}</p>"]
-        n = len(plan["rows"])
-        long = ' class="long"' if n > _MOST_PRINTED else ""
-        parts.append(f"<details{long}><summary>Every {escaped(plan['of'])} ({n})</summary>")
-        parts += [*_rows_of(plan, cut=False), "</details>"]
-        if long:
-            parts.append(_not_printed(f"The table of all {n} {plan['of']}s"))
+    if not apart:
+        parts += tables
     if not end.get("follows"):
         parts += asked
     found = Counts.read(end["counts"])
@@ -256,6 +255,9 @@ def report_page(
     parts += ["<h2>Answers and checks</h2>", f"<p>{escaped(checks)}</p>"]
     parts.append(f"<details><summary>{listed}</summary>")
     parts += [*_answers(answers), "</details>"]
+    if apart:  # the values were wanted, so a plan is an appendix
+        lead = f"<p><b>{_unbroken(escaped(end['follows']))}</b></p>"
+        parts += ["<h2>Appendix: what follows for the plan</h2>", lead, *follows, *tables]
     if details.limits:
         parts.append("<h2>What this does not say</h2>")
         parts += [f"<p>{escaped(sentence)}</p>" for sentence in details.limits]
@@ -295,19 +297,35 @@ def _headline(end: Mapping[str, Any]) -> Iterator[str]:
         yield f'<p class="caution">{escaped(end["caution"])}</p>'
 
 
-def _conclusion(end: Mapping[str, Any]) -> Iterator[str]:
+def _conclusion(end: Mapping[str, Any]) -> list[str]:
     """Return what follows: its effect, how sure it is, its size, and the loss before."""
-    for name in ("effect", "reason"):
-        if end.get(name):
-            yield f"<p>{escaped(end[name])}</p>"
-    for name, words in NAMED.items():
-        if end.get(name) and name != "next":  # that says what to do on the screen
-            yield f"<p><b>{words}:</b> {escaped(end[name])}</p>"
-    for said in end.get("remarks", ()):
-        yield f'<p class="caution">{escaped(said)}</p>'
+    said = [f"<p>{escaped(end[name])}</p>" for name in ("effect", "reason") if end.get(name)]
+    said += [
+        f"<p><b>{words}:</b> {escaped(end[name])}</p>"
+        for name, words in NAMED.items()
+        if end.get(name) and name != "next"  # that says what to do on the screen
+    ]
+    return [*said, *(f'<p class="caution">{escaped(one)}</p>' for one in end.get("remarks", ()))]
 
 
-def _changes(changes: Mapping[str, Any]) -> Iterator[str]:
+def _whole_plan(end: Mapping[str, Any]) -> Iterator[str]:
+    """Return the plan in every state, if there is one, as a folded table."""
+    if plan := end.get("plan"):
+        n = len(plan["rows"])
+        long = ' class="long"' if n > _MOST_PRINTED else ""
+        yield f"<h2>{escaped(plan['title'])}</h2>"
+        yield f"<p>{escaped(plan['note'])}</p>"
+        yield f"<details{long}><summary>Every {escaped(plan['of'])} ({n})</summary>"
+        yield from _rows_of(plan, cut=False)
+        yield "</details>"
+        if long:
+            yield _not_printed(f"The table of all {n} {plan['of']}s")
+
+
+def _changes(end: Mapping[str, Any]) -> Iterator[str]:
+    """Return what the answers change, if anything is said of it, and what they leave open."""
+    if not (changes := end.get("changes")):
+        return
     yield f"<h2>{escaped(changes['title'])}</h2>"
     yield from (f"<p>{escaped(words)}</p>" for words in changes["note"].split("\n"))
     yield from _rows_of(changes)

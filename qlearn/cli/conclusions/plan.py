@@ -35,6 +35,7 @@ from qlearn.cli.conclusions.in_words import (
 from qlearn.cli.conclusions.outcomes import Effect, effects_of, outcomes_of
 from qlearn.learners.learner import Result
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn.mdp.planning import evaluate_policy
 
 _HARDLY = 0.02  # of the states: a plan that differs in no more is nearly the same
 _SEEN = 5e-5  # the least change of a share of time that is shown
@@ -93,7 +94,7 @@ def policy_conclusion(
         ""
         if before is None
         else f"Without your answers, a loss of {up_to(before, result.confidence)} could not be "
-        f"ruled out: {told.loss(before)}."
+        f"ruled out: {told.loss(before)}. {_gain(told, plans.mdp, found, result)}".strip()
     )
     mdp, undecided = plans.mdp, len(found.leaning)
     open_still = ""
@@ -122,6 +123,18 @@ def policy_conclusion(
         outcomes=outcomes,
         settled=settled,
         early=f"So far {_within(bound, 'your plan', False)} Your answers are not checked yet.",
+    )
+
+
+def _gain(told: InWords, mdp: OrdinalMDP, found: DecidedPlan, result: Result) -> str:
+    """Return a sentence on what the plan is worth more than that of equal steps, or ""."""
+    if not found.holds.any():
+        return ""
+    more = mdp.initial @ (evaluate_policy(mdp, found.policy) - evaluate_policy(mdp, found.equal))
+    worth = 100.0 * float(product(more, best_guess(result.comparator)))
+    return (
+        f"By the best guess of your values, the {told.plan} with your answers is worth "
+        f"{_signed(worth)} of 100 beside that of equal steps, from the start."
     )
 
 
@@ -320,12 +333,18 @@ def _moved(told: InWords, difference: Floats, values: Floats) -> str:
     ``difference`` (k,) is of vector values, and ``values`` (k,) are those of the levels.
     """
     each = [
-        f"{told.labels[level]} {100.0 * difference[level]:+.2f}%"
+        f"{told.labels[level]}\u00a0{_signed(100.0 * difference[level])}%"
         for level in range(len(values))[::-1]
         if abs(difference[level]) >= _SEEN
     ]
     worth = 100.0 * float(product(difference, values))
-    return f"{printable(', '.join(each) or 'about the same')}: worth {worth:+.2f} of 100"
+    said = ", ".join(each) or "about the same"
+    return f"{said}: worth {_signed(worth)} of 100"
+
+
+def _signed(number: float) -> str:
+    """Return a number with two decimals and its sign."""
+    return f"{number:+.2f}".replace("-", "\u2212")
 
 
 def _trade(

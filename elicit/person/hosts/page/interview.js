@@ -651,7 +651,7 @@ export function mount(root, send, options = {}) {
     const main = [["Your values, from 0 to 100", screen.end.values], ["Next", next]];
     const further = [["You gave", gave], ["Checks", `${checks} ${chance}`.trim()]];
     const told = [screen.end.effect, screen.end.reason].filter(Boolean).map((text) => part("p", "reason", {}, [text]));
-    // whoever wanted to know the values sees them first, and what else to do; a plan then is a part of its own
+    // whoever wanted to know the values sees them first, and what else to do; a plan is then folded
     const apart = follows && plan;
     if (follows) parts.push(...top.splice(0), worth(scale, certainty, notes, small));
     if (follows && !apart) top.push(part("h2", "", {}, [unbroken(follows)]));
@@ -670,9 +670,9 @@ export function mount(root, send, options = {}) {
     if (open) parts.push(part("p", "same", {}, [open]));
     parts.push(...conflicts.map(conflict));
     if (scale.length && !follows) parts.push(worth(scale, certainty, notes, small));
-    if (apart) parts.push(section(unbroken(follows), [part("div", "panel", {}, [...told, facts([...reached, ["Before", before]])])]));
-    if (changes) parts.push(changed(changes, rest));
-    if (plan) parts.push(whole(plan, rest));
+    const tables = [...(changes ? [changed(changes, rest)] : []), ...(plan ? [whole(plan, rest)] : [])];
+    if (apart) parts.push(fold(`The plan: ${unbroken(follows)}`, [...told, facts([...reached, ["Before", before]]), ...tables]));
+    else parts.push(...tables);
     if (statements.length) parts.push(rest("What else follows", lines(statements)));
     if (small && further.some(([, text]) => text)) parts.push(fold("Your answers and their checks", [facts(further)]));
     parts.push(rest("Downloads", files(screen.end.downloads)));
