@@ -35,7 +35,10 @@ FINE = 10.0
 _FOR_EACH, _FOR_EACH_HALVING = 1.0, 2.2  # questions at the most, for a wide range
 FURTHER = "With more answers the result depends less on any single one."
 """The reason for a question about a level, if the result is not settled."""
-GUARDS = "Earlier answers suggest how you see this. It guards against a mistake in any one of them."
+GUARDS = (
+    "Earlier answers suggest how you see this. Asking in another way guards against a mistake in "
+    "any one of them."
+)
 """The reason for a question whose answer follows from others."""
 
 
