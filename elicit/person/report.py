@@ -223,20 +223,23 @@ def report_page(
     asked = []
     if details.preamble or details.legend:
         asked = ["<h2>What was asked</h2>", *asked_about(details.preamble, details.legend)]
-    follows = _conclusion(end)
+    follows, remarks = _conclusion(end), _remarks(end)
     if details.source:
         follows.append(f"<p>{escaped(details.source)}</p>")
     tables = [*_changes(end), *_whole_plan(end)]
-    apart = bool(end.get("follows") and end.get("plan"))
-    if end.get("follows"):  # whoever wanted to know the values sees them first
+    # whoever wanted to know the values sees them first, and a plan is then an appendix
+    heading = _unbroken(escaped(end.get("follows") or ""))
+    apart = bool(heading and end.get("plan"))
+    if heading:
         parts += [*scale, *asked]
-    if end.get("follows") and not apart:
-        parts.append(f"<h2>{_unbroken(escaped(end['follows']))}</h2>")
-    if not apart:
-        parts += follows
+    if apart:
+        parts += remarks
+    else:
+        parts += [f"<h2>{heading}</h2>"] if heading else []
+        parts += [*follows, *remarks]
     if end["open"]:
         parts.append(f"<p>{escaped(end['open'])}</p>")
-    if not end.get("follows"):
+    if not heading:
         parts += scale
     if end["conflicts"]:
         parts.append("<h2>Answers that contradict each other</h2>")
@@ -245,7 +248,7 @@ def report_page(
         parts += ["<h2>What else follows</h2>", *_statements(end["statements"])]
     if not apart:
         parts += tables
-    if not end.get("follows"):
+    if not heading:
         parts += asked
     found = Counts.read(end["counts"])
     each = ((found.withdrawn, "taken back"), (found.not_kept, "not kept"))
@@ -255,9 +258,9 @@ def report_page(
     parts += ["<h2>Answers and checks</h2>", f"<p>{escaped(checks)}</p>"]
     parts.append(f"<details><summary>{listed}</summary>")
     parts += [*_answers(answers), "</details>"]
-    if apart:  # the values were wanted, so a plan is an appendix
-        lead = f"<p><b>{_unbroken(escaped(end['follows']))}</b></p>"
-        parts += ["<h2>Appendix: what follows for the plan</h2>", lead, *follows, *tables]
+    if apart:
+        parts += ["<h2>Appendix: what follows for the plan</h2>", f"<p><b>{heading}</b></p>"]
+        parts += [*follows, *tables]
     if details.limits:
         parts.append("<h2>What this does not say</h2>")
         parts += [f"<p>{escaped(sentence)}</p>" for sentence in details.limits]
@@ -305,7 +308,12 @@ def _conclusion(end: Mapping[str, Any]) -> list[str]:
         for name, words in NAMED.items()
         if end.get(name) and name != "next"  # that says what to do on the screen
     ]
-    return [*said, *(f'<p class="caution">{escaped(one)}</p>' for one in end.get("remarks", ()))]
+    return said
+
+
+def _remarks(end: Mapping[str, Any]) -> list[str]:
+    """Return the remarks on how the answers were given."""
+    return [f'<p class="caution">{escaped(one)}</p>' for one in end.get("remarks", ())]
 
 
 def _whole_plan(end: Mapping[str, Any]) -> Iterator[str]:

@@ -245,6 +245,28 @@ def test_whoever_wanted_the_values_reads_them_before_what_follows(end: dict[str,
         assert sorted(order, key=html.index) == order
 
 
+def test_a_plan_is_an_appendix_where_the_values_were_wanted_and_remarks_are_no_part_of_it(
+    end: dict[str, Any],
+) -> None:
+    plan = {
+        "title": "The whole plan",
+        "note": "All.",
+        "columns": ("State", "Action"),
+        "of": "state",
+    }
+    said = {
+        **end,
+        "follows": "The plan is this.",
+        "sure": "With 95% probability.",
+        "remarks": ["Answers came fast."],
+        "plan": {**plan, "rows": [("acute", "wait")]},
+    }
+    html = report_page("Mine", "today", said, [], False, ReportDetails())
+    order = ["What the levels are worth", "Answers came fast.", "<h2>Answers and checks</h2>"]
+    order += ["<h2>Appendix", "The plan is this.", "With 95% probability.", "The whole plan"]
+    assert sorted(order, key=html.index) == order
+
+
 def test_a_fraction_in_the_headline_stays_on_one_line(end: dict[str, Any]) -> None:
     said = {**end, "headline": "It comes within 1 in 100 of your ideal plan."}
     html = report_page("Mine", "today", said, [], False, ReportDetails())
