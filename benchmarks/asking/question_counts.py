@@ -52,14 +52,14 @@ Policy = Callable[[], tuple[Any, elicit.Comparator]]  # the present policy (S,),
 Row = dict[str, Any]
 
 CERTIFY = {
-    "certify, telling violation": strategies.telling_violation,
-    "certify, mutual information": strategies.mutual_information,
-    "certify, max regret": strategies.max_regret,
-    "certify, random candidate": None,
+    "policy iteration, telling violation": strategies.telling_violation,
+    "policy iteration, mutual information": strategies.mutual_information,
+    "policy iteration, max regret": strategies.max_regret,
+    "policy iteration, random candidate": None,
 }
 METHODS = (  # of the page: question_rules compares strategies with each other
-    "certify, telling violation",
-    "certify, simple bags",
+    "policy iteration, telling violation",
+    "policy iteration, simple bags",
     "value iteration",
     "value iteration, late",
     "Q-learning",
@@ -67,7 +67,7 @@ METHODS = (  # of the page: question_rules compares strategies with each other
     "random pairs + fit",
 )
 """Those of the page; ``run`` knows ``CERTIFY`` and ``RIVAL_RULES`` as well."""
-DEFAULT = "certify, telling violation"
+DEFAULT = "policy iteration, telling violation"
 MORE = 2.5  # times as many problems where the promise of 95% is judged
 
 
@@ -134,9 +134,9 @@ def made(name: str, k: int, error: float, seed: int) -> elicit.Comparator:
 def learner_of(method: str, mdp: OrdinalMDP, comparator: elicit.Comparator, seed: int) -> Learner:
     """The learner by name, with a budget of the last of GRID."""
     common: dict[str, Any] = {"max_queries": GRID[-1], "seed": seed}
-    if method.startswith("certify"):
+    if method.startswith("policy iteration"):
         common["tolerance"] = TOLERANCE
-        if method == "certify, simple bags":
+        if method == "policy iteration, simple bags":
             return InteractivePolicyIteration(mdp, comparator, bags=elicit.Bags(), **common)
         chosen = (CERTIFY | RIVAL_RULES)[method] or _at_random(seed)
         # strategies choose among the same pairs, so none may ask about cuts besides
@@ -199,7 +199,7 @@ def cells(environments: Sequence[str], seeds: int, methods: Sequence[str] = METH
     for environment in environments:
         for method in methods:
             if environment not in RANDOM and not method.startswith(
-                ("certify, telling", "certify, simple", "value")
+                ("policy iteration, telling", "policy iteration, simple", "value")
             ):
                 continue
             for error in ERRORS:
@@ -208,7 +208,9 @@ def cells(environments: Sequence[str], seeds: int, methods: Sequence[str] = METH
                         name == "ensemble" and "telling" not in method
                     ):
                         continue
-                    bounds = method.startswith(("certify, telling", "certify, simple"))
+                    bounds = method.startswith(
+                        ("policy iteration, telling", "policy iteration, simple")
+                    )
                     if environment != "ICU-Sepsis":  # whose bounds take seconds
                         bounds |= method.startswith(("value", "Q-learning, late"))
                     bounds &= not (name == "posterior" and method == "value iteration")

@@ -28,13 +28,15 @@ from qlearn.experiments.parallel import Cell, sweep
 
 OURS = "ours: telling violation (the default)"
 RULES = {  # by whom, and the method of question_counts
-    OURS: "certify, telling violation",
-    "ours: greatest bound": "certify, max regret",
-    "mutual information, or BALD (Houlsby 2011; Biyik 2019; APReL)": "certify, mutual information",
-    "volume removal (Sadigh 2017; APReL)": "certify, volume removal",
-    "greatest regret of two scales (Wilde 2020; APReL)": "certify, regret of two scales",
-    "polyhedral (Toubia 2004)": "certify, polyhedral",
-    "a random candidate": "certify, random candidate",
+    OURS: "policy iteration, telling violation",
+    "ours: greatest bound": "policy iteration, max regret",
+    "mutual information, or BALD (Houlsby 2011; Biyik 2019; APReL)": (
+        "policy iteration, mutual information"
+    ),
+    "volume removal (Sadigh 2017; APReL)": "policy iteration, volume removal",
+    "greatest regret of two scales (Wilde 2020; APReL)": "policy iteration, regret of two scales",
+    "polyhedral (Toubia 2004)": "policy iteration, polyhedral",
+    "a random candidate": "policy iteration, random candidate",
 }
 TUTORS = {  # share of answers flipped, and who learns from them
     "truthful, polytope": (0.0, "polytope"),

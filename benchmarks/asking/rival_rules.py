@@ -54,8 +54,8 @@ def polyhedral(candidates: Candidates) -> Floats:
 
 
 RIVAL_RULES: dict[str, Strategy] = {
-    "certify, volume removal": volume_removal,
-    "certify, regret of two scales": greatest_regret,
-    "certify, polyhedral": polyhedral,
+    "policy iteration, volume removal": volume_removal,
+    "policy iteration, regret of two scales": greatest_regret,
+    "policy iteration, polyhedral": polyhedral,
 }
 """By the names of methods in ``question_counts``."""

@@ -270,6 +270,7 @@ def check_comparator_made(comparator: Comparator) -> None:
         without = f", which has no {', '.join(lacking)}" if lacking else ""
         raise TypeError(
             f"a comparator is wanted, such as PolytopeComparator(k=5), not {comparator!r}{without}"
+            + ("; only qlearn.solve takes names" if isinstance(comparator, str) else "")
         )
 
 

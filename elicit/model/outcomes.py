@@ -37,9 +37,8 @@ class Status(Enum):
         "gap"
     )
     CALLED_EQUAL = (
-        "finished: what the answers leave open, the tutor calls equal, or may call so by the "
-        "comparator's tie; "
-        "loss_bound says how much that can matter"
+        "stopped: of what could still matter, the tutor calls all pairs equal, or may by the "
+        "comparator's tie; loss_bound says how much may be lost"
     )
     UNSURE = (
         "finished, but the tutor could not tell some pairs apart (cannot_tell): the one that was "
@@ -47,9 +46,8 @@ class Status(Enum):
         "so more than the tolerance may be lost; loss_bound says how much"
     )
     GUESSED = (
-        "finished, but the question budget was spent: what was still open went by the best guess "
-        "at the scale; raise "
-        "max_queries"
+        "stopped at the limit of questions: what was still open went by the best guess at the "
+        "scale; raise max_queries"
     )
     EXHAUSTED = (
         "stopped: whatever could still matter, the tutor has answered already or could not tell; "

@@ -54,10 +54,11 @@ def as_verdict(code: Any) -> Verdict:
             f"not {code!r}: for a "
             "comparison of two numbers write Verdict.BETTER if left > right else Verdict.WORSE"
         )
-    if code == Verdict.UNKNOWN:
-        raise ValueError("an answer cannot be UNKNOWN: use None where the tutor cannot tell")
     if code not in (-1, 0, 1):
-        raise ValueError(f"a verdict is 1 (left is better), -1 (worse) or 0 (equal), not {code!r}")
+        raise ValueError(
+            f"a verdict is 1 (left is better), -1 (right is) or 0 (equal), not {code!r}; of a pair "
+            "that the tutor cannot tell apart, the answer is elicit.Answer(query, None)"
+        )
     return Verdict(int(code))
 
 
@@ -521,7 +522,8 @@ def match(answers: Sequence[Answer], pending: Sequence[Query]) -> tuple[Answer, 
         if not isinstance(answer, Answer):
             raise TypeError(
                 "a tutor must return elicit.Answer(query, verdict), or to qlearn.drive and solve "
-                f"also 1 (left is better), -1 (right is) or 0 (equal), not {answer!r}"
+                f"also 1 (left is better), -1 (right is) or 0 (equal), not {answer!r}; where it "
+                "cannot tell, elicit.Answer(query, None)"
             )
         name = answer.query.id
         if name in seen:

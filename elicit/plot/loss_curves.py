@@ -62,6 +62,7 @@ def loss_history(histories: HasLosses | Mapping[str, HasLosses], ax: Axes | None
             )
     ax = axes_of(ax, (6.4, 4.0))
     from matplotlib.lines import Line2D
+    from matplotlib.ticker import MaxNLocator
 
     handles = []
     for name, look in styles(several).items():
@@ -74,6 +75,7 @@ def loss_history(histories: HasLosses | Mapping[str, HasLosses], ax: Axes | None
     ax.set_yscale("symlog", linthresh=0.1)
     ax.set(xlabel="questions asked", ylabel="loss, % of the value range", ylim=(0, None))
     ax.set_xlim(left=0)
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.spines[["top", "right"]].set_visible(False)
     legend_above(ax, handles)
     return ax

@@ -49,8 +49,13 @@ def check_tutor(tutor: Tutor, k: int, truthful: bool = False, seed: Seed | None 
     ]
     demand(
         any(code is not Verdict.WORSE for code in ends),
-        f"of the best level (left) and nearly the worst (right), it prefers the right in {_ENDS} "
-        "of as many questions: are left and right exchanged? 1 means that left is better",
+        f"of the best level (left) and nearly the worst (right), it prefers the right in all "
+        f"{_ENDS} questions: are left and right exchanged? 1 means that left is better",
+    )
+    demand(
+        any(code in (Verdict.BETTER, Verdict.WORSE) for code in ends),
+        f"of the best level (left) and nearly the worst (right), it prefers neither in all {_ENDS} "
+        "questions: such a tutor teaches nothing",
     )
     if truthful:
         plain = dominance(tail_sums(d))
@@ -91,12 +96,18 @@ def check_tutor(tutor: Tutor, k: int, truthful: bool = False, seed: Seed | None 
 
 def _ask(tutor: Tutor, query: Query) -> Verdict | None:
     before = query.left.copy(), query.right.copy()
-    reply = tutor(query)
+    try:
+        reply = tutor(query)
+    except Exception as error:
+        error.add_note(
+            f"check_tutor asked about k = {len(query.left)} levels: has your tutor as many?"
+        )
+        raise
     answer = answer_of(reply, query)
     demand(
         isinstance(answer, Answer),
         "a tutor must return an elicit.Answer, or 1 (left is better), -1 (right is) or 0 (equal), "
-        f"not {reply!r}",
+        f"not {reply!r}; where it cannot tell, elicit.Answer(query, None)",
     )
     demand(
         answer.query.id == query.id,

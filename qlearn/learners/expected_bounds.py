@@ -79,9 +79,9 @@ class ExpectedBounds:
         number = "1 question" if self.questions == 1 else f"{self.questions} questions"
         sooner = int((self.asked < self.questions).sum())
         return (
-            f"{number} proved a loss of at most {_percent(self.median)} of the value range in half "
-            f"of {len(self.bounds)} simulated sessions, and of {_percent(self.least)} to "
-            f"{_percent(self.most)} in all of them. Without any question it is "
+            f"{number} bounded the loss by {_percent(self.median)} of the value range in half of "
+            f"{len(self.bounds)} simulated sessions, and by {_percent(self.least)} to "
+            f"{_percent(self.most)} in all of them. Without any question the bound is "
             f"{_percent(self.before)}. Yours ends in this range with a chance of about "
             f"{100 * self.coverage:.0f}%, if your scale is like those that were drawn."
             + (f" {sooner} of the sessions needed fewer questions." if sooner else "")

@@ -275,10 +275,10 @@ class Result:
         return (
             f"The policy loses at most {_rounded_up(100 * share)}% of the value range at the worst "
             f"state ({self._confidence_in_words()}).\n"
-            f"That is as much as {_rounded_up(100 * share)} of 100 steps at {worst!r} instead of "
-            f"{best!r}, where later steps count less, by the discount of {self.discount:g}. As a "
-            f"loss of return it is at most {_rounded_up(share / (1 - self.discount))}, if the best "
-            "level's reward is 1 more than the worst level's."
+            f"That is as bad as a chance of {_rounded_up(100 * share)}%, at every step, of "
+            f"{worst!r} in place of {best!r}. Or as "
+            f"{_rounded_up(share / (1 - self.discount))} steps at {worst!r} right away, since "
+            f"later steps count less, by the discount of {self.discount:g}."
         )
 
     def _policy_in_words(self) -> str:
@@ -306,9 +306,9 @@ class Result:
             return "with unknown confidence"
         if self.confidence == 1:
             return f"proven, {assumed_of_answers(wrong_of(self.comparator), 'the')}"
-        assumed = "if the tutor errs as the comparator assumes"
+        assumed = "on average over the values and tutors that the comparator assumes"
         if not len(self.answers):
-            assumed = "over the scales that the comparator takes for possible"
+            assumed = "over the values that the comparator takes for possible"
         return f"with probability {self.confidence:.4g}, {assumed}"
 
     @property

@@ -65,7 +65,7 @@ from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 LARGE = 4000  # states up to which rounds are exact by default
-LEFT_OUT = "What both have in common is left out as far as it can be."
+LEFT_OUT = "Not their outcomes: what both have in common is left out, and the rest is magnified."
 
 
 class InteractivePolicyIteration(Learner):

@@ -147,9 +147,13 @@ def levels(given: ArrayLike, shape: tuple[int, int], k: int, place: Place) -> In
             f"{np.shape(given)}: where the level depends on the next state, add a state for each "
             "outcome, and give that state the level"
         )
-    array = numbers("levels", given, shape, whole=True)
+    try:
+        array = numbers("levels", given, shape, whole=True)
+    except TypeError as error:
+        raise TypeError(f"{error}; of a level's name, that is labels.index(name)") from None
     wanted = (
-        f"must be in 0..{k - 1}, the number of a level from the worst on (rewards become levels by "
+        f"must be in 0..{k - 1}, because {k} levels have labels: a level is given by its number, "
+        "from the worst on (rewards become levels by "
         "rewards, levels = np.unique(rewards, return_inverse=True))"
     )
     found = _int32("levels", array)

@@ -50,7 +50,7 @@ def test_every_method_is_measured_the_same_way(method, small):
 
 def test_a_truthful_tutor_and_a_polytope_keep_every_bound(small):
     for method in (
-        "certify, telling violation",
+        "policy iteration, telling violation",
         "value iteration",
         "Q-learning, late",
         "random pairs + fit",
@@ -71,7 +71,7 @@ def test_a_truthful_tutor_and_a_polytope_keep_every_bound(small):
 
 
 def test_the_report_says_how_many_questions():
-    todo = questions.cells(["k = 5"], 2, ["certify, telling violation"])
+    todo = questions.cells(["k = 5"], 2, ["policy iteration, telling violation"])
     assert {cell["comparator"] for cell in todo if cell["error"]} == {"posterior", "ensemble"}
     n = len(questions.GRID)
     same = {"status": "DONE", "end": 0.0, "kept": True, "loss": [0.01] * n, "bound": [0.02] * n}

@@ -88,11 +88,11 @@ def test_the_page_says_who_asks_fewer_first():
         less = (
             5
             if fewer
-            and cell["method"] == "certify, polyhedral"
+            and cell["method"] == "policy iteration, polyhedral"
             and cell["comparator"] == "polytope"
             else 0
         )
-        return {"asked": 20 - less + cell["seed"] + (cell["method"] == "certify, mutual information"),  # noqa: E501
+        return {"asked": 20 - less + cell["seed"] + (cell["method"] == "policy iteration, mutual information"),  # noqa: E501
                 "loss": [0.01] * n}  # fmt: skip
 
     def page(fewer):

@@ -6,14 +6,13 @@ from collections.abc import Mapping
 
 from elicit.person.showing import Words
 
-_PERSONAL = "There is no right or wrong answer."
-_MEDICAL = f"{_PERSONAL} The numbers are made up; this is not medical advice."
+_MEDICAL = " The numbers are made up; this is not medical advice."
 
 
-def _words(unit: str, title: str, levels: str, note: str = _PERSONAL) -> Words:
+def _words(unit: str, title: str, levels: str, note: str = "") -> Words:
     """Return a family's words: what is counted, a title, and a sentence on what the levels mean."""
     return Words(
-        unit, title=title, preamble=f"{levels} Choose the {unit} you would rather see. {note}"
+        unit, title=title, preamble=f"{levels} Choose the {unit} you would rather see.{note}"
     )
 
 

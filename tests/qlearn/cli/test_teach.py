@@ -443,7 +443,7 @@ def test_a_plan_is_said_before_the_first_question_and_ends_the_session(
     code, shown, _ = taught("a\n" * 3 + "1\n\n", monkeypatch, capsys, *options, "--log", log)
     assert code == 0
     said = " ".join(shown.split())
-    plan = "Your plan: 2 questions proved a loss of at most"
+    plan = "Your plan: 2 questions bounded the loss by"
     assert said.index(plan) < said.index("Question 1")
     assert "You planned 2 questions, and answered 2." in said
     assert "This is the result so far. More could be asked." in said

@@ -65,10 +65,10 @@ def test_it_says_what_it_found(mdp: qlearn.OrdinalMDP) -> None:
     bounds, asked = np.array([0.002, 0.031, 0.2]), np.array([4, 10, 10])
     plan = qlearn.ExpectedBounds(10, 1.0, bounds, asked)
     assert str(plan) == (
-        "10 questions proved a loss of at most 3.1% of the value range in half of 3 simulated "
-        "sessions, and of 0.2% to 20% in all of them. Without any question it is 100%. Yours ends "
-        "in this range with a chance of about 50%, if your scale is like those that were drawn. "
-        "1 of the sessions needed fewer questions."
+        "10 questions bounded the loss by 3.1% of the value range in half of 3 simulated "
+        "sessions, and by 0.2% to 20% in all of them. Without any question the bound is 100%. "
+        "Yours ends in this range with a chance of about 50%, if your scale is like those that "
+        "were drawn. 1 of the sessions needed fewer questions."
     )
 
 

@@ -74,10 +74,9 @@ def test_a_printed_result_says_what_its_bound_is_a_share_of_and_the_bound_in_uni
     assert said is not None
     assert result.loss_bound <= float(said[1]) / 100 <= 1.01 * result.loss_bound
     said = re.fullmatch(
-        r"That is as much as (\S+) of 100 steps at 'level 1' instead of 'level 5', where later "
-        r"steps count less, by the discount of 0\.95\. "
-        r"As a loss of return it is at most (\S+), if the best level's reward is 1 more than the "
-        r"worst level's\.",
+        r"That is as bad as a chance of (\S+)%, at every step, of 'level 1' in place of "
+        r"'level 5'\. Or as (\S+) steps at 'level 1' right away, since later steps "
+        r"count less, by the discount of 0\.95\.",
         loss,
     )
     assert said is not None
@@ -108,20 +107,21 @@ def test_the_loss_of_return_is_what_another_library_would_find() -> None:
         (
             0.01,
             1.0,
-            ["1% of the value range", "(proven, if the answers are right)", "at most 0.1, if"],
+            ["1% of the value range", "(proven, if the answers are right)", "as 0.1 steps"],
         ),
         (
             0.01001,
             0.95,
             [
                 "1.01%",
-                "(with probability 0.95, if the tutor errs as the comparator assumes)",
-                "0.101,",
+                "(with probability 0.95, on average over the values and tutors that the "
+                "comparator assumes)",
+                "0.101 steps",
             ],
         ),
-        (1e-16, math.nan, ["0.0001%", "(with unknown confidence)", "1e-05,"]),
-        (0.0, 1.0, [" 0% of", "at most 0, if"]),
-        (1.0, 1.0, ["100%", "at most 10, if"]),
+        (1e-16, math.nan, ["0.0001%", "(with unknown confidence)", "as 1e-05 steps"]),
+        (0.0, 1.0, [" 0% of", "as 0 steps"]),
+        (1.0, 1.0, ["100%", "as 10 steps"]),
         (math.nan, math.nan, ["No bound on the policy's loss can be given."]),
     ],
 )

@@ -1,5 +1,6 @@
 """A tutor is any function from queries to answers, made for as many levels as are asked about."""
 
+import numpy as np
 import pytest
 
 import qlearn
@@ -48,3 +49,25 @@ def test_what_is_no_tutor_for_these_questions_is_refused_before_the_first(tutor,
         qlearn.drive(learner, tutor)
     with pytest.raises(AssertionError, match=complaint):
         check_tutor(tutor, 4)
+
+
+@pytest.mark.parametrize(
+    ("reply", "complaint"),
+    [
+        (lambda q: int(np.sign((q.right - q.left) @ [0, 1, 2, 3])), "in all 5 questions: are"),
+        (lambda q: 0, "prefers neither in all 5 questions"),
+        (lambda q: Answer(q, None), "prefers neither in all 5 questions"),
+        (lambda q: None, r"where it cannot tell, elicit.Answer\(query, None\)"),
+    ],
+)
+def test_a_tutor_who_exchanges_the_sides_or_prefers_nothing_is_noticed(reply, complaint):
+    with pytest.raises(AssertionError, match=complaint):
+        check_tutor(reply, 4)
+
+
+def test_an_error_of_a_tutor_for_other_levels_says_how_many_were_asked_about():
+    with pytest.raises(ValueError, match="matmul") as failed:
+        check_tutor(lambda q: int((q.left - q.right) @ [0, 1, 2, 3, 4] > 0), 4)
+    assert failed.value.__notes__ == [
+        "check_tutor asked about k = 4 levels: has your tutor as many?"
+    ]
