@@ -26,11 +26,11 @@ PROBLEM ?= icu-sepsis
 teach: $(READY)  ## you are the tutor: prints the address of a page; make teach PROBLEM=options.csv asks about your own
 	$(BIN)/qlearn teach --web --problem $(PROBLEM)
 
+WORKERS ?= auto
 test: $(READY)  ## the tests, without the slow ones
-	$(BIN)/python -m pytest -q -n auto --dist worksteal
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal
 
 FOLDERS ?= tests
-WORKERS ?= auto
 # one process compiles what its tests need, several would compile it several times
 test-portable: $(READY)  ## fewer of them, as on an older processor: make test-portable FOLDERS=tests/elicit/lp for some
 	$(if $(filter 0,$(WORKERS)),,$(BIN)/python -m tests.older_processor $(BIN)/python -m qlearn.warm_up)

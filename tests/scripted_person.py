@@ -7,9 +7,13 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
+import pytest
+
+from elicit._support.background import Background
 from tests.interpreter import ROOT
 
 _TEACH = ("-m", "qlearn", "teach")
@@ -96,6 +100,19 @@ class Typing(io.StringIO):
         since = self._shown()
         self.text += since
         return "" if "Enter: what was learned" in since else f"{truthful(since, self._values)}\n"
+
+
+def reads_nothing_beside(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let persons in this process answer before anything is computed beside what they read.
+
+    They are asked the same, which ``tests/elicit/person/test_look_ahead.py`` tries. No notes,
+    forecasts or consequences are there.
+    """
+
+    def computes_nothing(self: Background, steps: Iterator[Any]) -> None:
+        self.stop()
+
+    monkeypatch.setattr(Background, "start", computes_nothing)
 
 
 def truthful(question: str, values: Mapping[str, float]) -> str:

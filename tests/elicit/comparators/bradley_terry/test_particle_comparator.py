@@ -320,6 +320,7 @@ def normalised(logs: Floats) -> Floats:
     return np.asarray(w)
 
 
+@on_any_processor
 @pytest.mark.parametrize(("k", "n"), covering([3, 5, 10], [0, 1], together=1))
 def test_nothing_is_certain_that_the_prior_does_not_make_so(k: int, n: int) -> None:
     rng = np.random.default_rng([k, n])
@@ -340,7 +341,8 @@ def test_nothing_is_certain_that_the_prior_does_not_make_so(k: int, n: int) -> N
         assert_sane(c, 0.4)
 
 
-@pytest.mark.parametrize("y", [1, 0, -1])
+@on_any_processor
+@pytest.mark.parametrize("y", quick_first([1, 0, -1], 2))
 def test_levels_that_no_answer_touched_stay_uncertain(y: int) -> None:
     told_of = np.array([[0.3, -0.5, 0.2, 0.0, 0.0, 0.0]])
     other = np.array(
@@ -465,9 +467,7 @@ def test_equal_answers_draw_the_pair_to_a_tie() -> None:
     assert after.values[1] == pytest.approx(0.7, abs=0.03)
 
 
-@pytest.mark.parametrize(
-    ("precision", "truth"), [(None, 0.37), (None, 0.999), (1e9, 0.999), (1e9, 0.37)]
-)
+@pytest.mark.parametrize(("precision", "truth"), covering([None, 1e9], [0.37, 0.999], together=1))
 def test_a_nearly_noiseless_tutor_can_be_asked_ever_finer(
     precision: float | None, truth: float
 ) -> None:
@@ -483,7 +483,7 @@ def test_a_nearly_noiseless_tutor_can_be_asked_ever_finer(
     assert (c.draws.gaps[0].min() < truth) == (c.draws.gaps[0].max() > truth)
 
 
-@pytest.mark.parametrize("k", [3, 5, 8])
+@pytest.mark.parametrize("k", quick_first([3, 8, 5], 2, older=1))
 def test_without_noise_it_agrees_with_the_polytope(k: int) -> None:
     rng = np.random.default_rng(k)
     e = values_of(rng.dirichlet(np.ones(k - 1)))
@@ -538,7 +538,8 @@ def test_a_given_lapse_gives_these_numbers_on_every_processor(
 
 @on_any_processor
 @pytest.mark.parametrize(
-    ("flips", "least", "most"), [(0.0, 0.0, 0.02), (0.1, 0.12, 0.28), (0.3, 0.5, 0.7)]
+    ("flips", "least", "most"),
+    quick_first([(0.0, 0.0, 0.02), (0.3, 0.5, 0.7), (0.1, 0.12, 0.28)], 2, names=3),
 )
 def test_the_lapse_is_learned(flips: float, least: float, most: float) -> None:
     rng, e = np.random.default_rng(4), np.array([0.0, 0.1, 0.35, 0.4, 1.0])
@@ -578,7 +579,8 @@ def told_equal(
 
 def test_who_calls_nothing_equal_is_taken_as_sharp_whatever_she_might_call_so() -> None:
     answers = told(n=60)
-    for settings in ({}, {"lapse": 0.05}, {"precision": 30.0}):
+    given: list[dict[str, Any]] = [{"lapse": 0.05}, {"precision": 30.0}]
+    for settings in ({}, *scaled([given[0] | given[1]], given)):
         sharp, wide = (PosteriorComparator(5, tie=tie, **settings) for tie in (0.0, 0.2))
         assert (sharp.tie, wide.tie, PosteriorComparator(5).tie) == (0.0, 0.2, 0.01)
         assert identical(sharp.update(answers), wide.update(answers))
@@ -687,7 +689,7 @@ def test_one_equal_among_consistent_answers_is_believed() -> None:
 
 
 @on_any_processor
-@pytest.mark.parametrize("width", [0.02, 0.05, 0.1])
+@pytest.mark.parametrize("width", quick_first([0.02, 0.1, 0.05], 2))
 def test_intervals_hold_for_people_who_call_equal_what_they_are_not_told(width: float) -> None:
     """Scales of the prior, 25 answers, one in twenty at random; the default ``tie`` is .01.
 

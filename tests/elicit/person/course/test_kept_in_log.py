@@ -10,10 +10,13 @@ from hypothesis import strategies as st
 from elicit import AnswerLog, Query
 from elicit.person.course.kept_in_log import CHOICES, START, Before, Choices, Start
 from elicit.tutors.answer_log import Asked
+from tests.thoroughness import scaled
 
 QUERY = Query("q", np.array([0.0, 1, 0]), np.array([0.5, 0, 0.5]))
 FACTS = (("Problem", "care"), ("Comparator", "polytope"))
 COUNTS = st.integers(0, 10_000)
+# in a quick run a few letters: hypothesis takes seconds to make a table of all
+TEXTS = scaled(st.text('a,"\\\n\0 é€\u2028\U0001f600', max_size=4), st.text(max_size=4))
 CHOSEN = st.builds(
     Choices,
     budget=st.none() | st.integers(1, 9999),
@@ -24,7 +27,7 @@ CHOSEN = st.builds(
     width=st.none() | st.floats(1, 100),
     other=st.booleans(),
     slowed=st.booleans(),
-    passed=st.lists(st.lists(st.text(max_size=4)).map(tuple), max_size=3).map(tuple),
+    passed=st.lists(st.lists(TEXTS).map(tuple), max_size=3).map(tuple),
 )
 
 
