@@ -70,8 +70,10 @@ $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install $(PIP) --upgrade pip  # an old one takes long to choose versions
 	$(BIN)/python -m pip install $(PIP) -e .
+	@# the tests are read once here, beside the compiler: else each of their processes would rewrite all their asserts
 	$(BIN)/python -m qlearn.warm_up & compiling=$$!; \
-	  $(BIN)/python -m pip install $(PIP) 'elicit-qlearn[dev]' && wait $$compiling
+	  $(BIN)/python -m pip install $(PIP) 'elicit-qlearn[dev]' \
+	  && { $(BIN)/python -m pytest -q --collect-only >/dev/null || true; } && wait $$compiling
 	touch $@
 
 clean:
