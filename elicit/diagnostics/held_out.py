@@ -14,6 +14,7 @@ from elicit._support.seeds import seed_of
 from elicit._support.threads import one_thread
 from elicit._support.validation import require
 from elicit.asking.options import EarlierAnswers
+from elicit.comparators.bradley_terry.open_order_posterior import OpenOrderPosterior
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.diagnostics.tutor_report import NOTHING, Estimate, check_level, read_log
 from elicit.model.comparator import Comparator, learn, offers
@@ -154,8 +155,9 @@ def held_out(
     Contradictory training answers are learned one by one, and those that contradict earlier ones
     are dropped and counted (see ``learn``).
 
-    A ``PosteriorComparator`` predicts an answer by its model, lapse included. Other comparators
-    predict by their ``probability``, if they have it (``PredictsAnswers``).
+    ``PosteriorComparator`` and ``OpenOrderPosterior`` predict an answer by their model, lapse
+    included. Other comparators predict by their ``probability``, if they have it
+    (``PredictsAnswers``).
     """
     check_level(level)
     return _score(
@@ -273,6 +275,8 @@ def _foretell(comparator: Comparator, d: Floats) -> Floats:
     if isinstance(comparator, PosteriorComparator):
         draws = comparator.draws
         chance = says_left(t @ draws.gaps, draws.precision, comparator.lapse) @ draws.weights
+    elif isinstance(comparator, OpenOrderPosterior):
+        chance = comparator.answer_probability(d)
     elif offers(comparator, "probability"):
         found = cast(PredictsAnswers, comparator).probability(d)
         chance = found[-1] if isinstance(found, tuple) else found

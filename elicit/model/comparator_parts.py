@@ -68,7 +68,9 @@ class PredictsAnswers(Protocol):
     def probability(self, d: ArrayLike) -> Floats | tuple[Floats, ...]:
         """Return the probability (n,) that the tutor says left is better, for d (n, k).
 
-        If there are several arrays, such as the ends of an interval, the last is the best guess.
+        The two posteriors have ``answer_probability`` for that: their ``probability`` leaves out
+        the tutor's errors. If there are several arrays, such as the ends of an interval, the last
+        is the best guess.
         """
 
 

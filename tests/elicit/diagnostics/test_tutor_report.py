@@ -20,6 +20,7 @@ from elicit import (
     Dominance,
     FlippingTutor,
     InconsistentAnswers,
+    OpenOrderPosterior,
     PolytopeComparator,
     PosteriorComparator,
     Query,
@@ -439,6 +440,17 @@ def test_log_likelihoods_are_those_of_the_model():
     score = held_out(model, answers, "sequential")
     point = [model.update(answers[:i]).probability(answers.d[i : i + 1])[2][0] for i in range(40)]
     said = np.where(answers.y > 0, point, 1 - np.array(point))
+    assert score.log_likelihood.value == pytest.approx(np.log(said).mean())
+
+
+def test_an_open_order_is_scored_by_its_probability_of_an_answer():
+    answers = a_log(n=6)
+    model = OpenOrderPosterior(4, seed=0)
+    score = held_out(model, answers, "sequential")
+    said = [
+        model.update(answers[:i]).answer_probability(answers.d[i : i + 1] * answers.y[i])[0]
+        for i in range(6)
+    ]
     assert score.log_likelihood.value == pytest.approx(np.log(said).mean())
 
 
