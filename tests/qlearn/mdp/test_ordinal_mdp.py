@@ -297,7 +297,12 @@ P = parts()["probabilities"]
         (
             {"levels": [[0, 1], [1, 0], [3, 3]]},
             ValueError,
-            r"levels\[2, 0\] is 3, but must be in 0..2",
+            r"levels\[2, 0\] is 3, but must be in 0..2, because 3 levels have labels",
+        ),
+        (
+            {"levels": [["low", "high"]] * 3},
+            TypeError,
+            r"levels must be an array of numbers.*of a level's name, that is labels.index\(name\)",
         ),
         ({"levels": [[0, np.nan], [1, 0], [2, 2]]}, ValueError, r"levels\[0, 1\] is nan"),
         ({"levels": [[0, 1], [1, 0], [2, 1]]}, ValueError, r"terminal state 2 has levels \[2, 1\]"),
