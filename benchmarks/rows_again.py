@@ -471,7 +471,7 @@ SAMPLES = (
     Sample("RESULTS-bradley-terry", fits, quick=True),
     Sample("RESULTS-posteriors", believed),
     Sample("RESULTS-people", answered_again, quick=True),
-    Sample("RESULTS-people-gains", liked, quick=True),
+    Sample("RESULTS-people-gains", liked),
     Sample("RESULTS-people-before", judged_beside_repeats),
     Sample("RESULTS-panel", asked_together),
     Sample("RESULTS-families", by_every_rule),

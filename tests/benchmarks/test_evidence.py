@@ -15,8 +15,6 @@ from benchmarks.rows_again import NOT_AGAIN, SAMPLES, alike, any_like, differing
 from tests.thoroughness import thorough
 
 PAGE = {page.name: page for page in PAGES}
-# whose quick rows nevertheless take seconds; tests of their own make smaller parts of these again
-LONG = {"RESULTS-people-gains"}
 
 
 def test_every_page_of_results_is_in_the_table_once_and_stamped():
@@ -66,9 +64,7 @@ def test_some_rows_of_every_page_are_made_again_or_it_is_said_why_not():
 @pytest.mark.parametrize(
     ("name", "again"),
     [
-        pytest.param(
-            name, again, marks=() if quick and name not in LONG else pytest.mark.slow, id=name
-        )
+        pytest.param(name, again, marks=() if quick else pytest.mark.slow, id=name)
         for name, again, quick in SAMPLES
     ],
 )
