@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from elicit._support.background import Background
+from qlearn.cli import teach_terminal
 from tests.interpreter import ROOT
 
 _TEACH = ("-m", "qlearn", "teach")
@@ -113,6 +114,7 @@ def reads_nothing_beside(monkeypatch: pytest.MonkeyPatch) -> None:
         self.stop()
 
     monkeypatch.setattr(Background, "start", computes_nothing)
+    monkeypatch.setattr(teach_terminal, "_PATIENCE", 0.0)  # in vain
 
 
 def truthful(question: str, values: Mapping[str, float]) -> str:
