@@ -28,6 +28,7 @@ ASIDE = (  # but not of these, unless pages.toml names them: screens, commands, 
     "qlearn/problems/families/words.py",
     "qlearn/warm_up.py",
 )
+_WARN = ("warn", "warnings.warn")
 _BEFORE = "Made before pages were stamped"
 _LINE = re.compile(
     rf"^(?:Made on (\S+)|{_BEFORE},) by `([^`]*)`(?:; seeds (.*?); sources (\w+))?\."
@@ -121,8 +122,8 @@ def sources(program: str) -> str:
     str
         The hash of the code in elicit/ and qlearn/ but for what is ``ASIDE``, of the program's own
         folder, and of what pages.toml names beside them. For a notebook: of elicit/, qlearn/, the
-        code of its cells, and the tables in notebooks/data that they name. Comments and docstrings
-        do not count.
+        code of its cells, and the tables in notebooks/data that they name. Comments, docstrings,
+        and the text of errors and warnings do not count.
     """
     digest = hashlib.blake2b(digest_size=5)
     places, aside = [*EVERYWHERE], {*ASIDE}
@@ -181,14 +182,43 @@ def _code_of(name: str, changed: int) -> bytes:
 
 
 def _bare(code: str) -> bytes:
-    """Return code without comments and docstrings, in the same layout whoever wrote it."""
-    tree = ast.parse(code)
+    """Return code without what no number depends on, in the same layout whoever wrote it.
+
+    These are comments, docstrings, and the text of errors that are raised and of warnings.
+    """
+    tree = _Silent().visit(ast.parse(code))
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
         first = body[0] if isinstance(body, list) and body else None
         if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant):
             body[0] = ast.Pass()
     return ast.unparse(tree).encode()
+
+
+class _Silent(ast.NodeTransformer):
+    """Replaces the text of errors and warnings by nothing."""
+
+    def __init__(self) -> None:
+        self._within = False
+
+    def visit_Raise(self, node: ast.Raise) -> ast.AST:
+        return self._silenced(node)
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        called = ast.unparse(node.func)
+        return self._silenced(node) if called in _WARN else self.generic_visit(node)
+
+    def visit_JoinedStr(self, node: ast.JoinedStr) -> ast.AST:
+        return ast.Constant("") if self._within else self.generic_visit(node)
+
+    def visit_Constant(self, node: ast.Constant) -> ast.AST:
+        return ast.Constant("") if self._within and isinstance(node.value, str) else node
+
+    def _silenced(self, node: ast.AST) -> ast.AST:
+        before, self._within = self._within, True
+        found = self.generic_visit(node)
+        self._within = before
+        return found
 
 
 _SPEC = getattr(sys.modules["__main__"], "__spec__", None)

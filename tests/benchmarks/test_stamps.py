@@ -102,6 +102,25 @@ def test_the_code_of_a_program_is_that_of_its_folder_and_of_what_the_manifest_na
     assert stamps.sources("benchmarks.asking.program") != first
 
 
+@pytest.mark.parametrize(
+    ("changed_code", "counts"),
+    [
+        ("if x < 0:\n    raise ValueError(f'less than {x}')\nwarn(f'{x}')\ny = 'a'", False),
+        ("if x < 1:\n    raise ValueError('at')\nwarn('w')\ny = 'a'", True),
+        ("if x < 0:\n    raise TypeError('at')\nwarn('w')\ny = 'a'", True),
+        ("if x < 0:\n    raise ValueError('at', x)\nwarn('w')\ny = 'a'", True),
+        ("if x < 0:\n    raise ValueError('at')\nwarn('w')\ny = 'b'", True),
+    ],
+)
+def test_the_words_of_errors_and_warnings_are_not_what_numbers_are_made_of(
+    project, changed_code, counts
+):
+    code = project / "elicit/near.py"
+    code.write_text("if x < 0:\n    raise ValueError(f'{x}' 'at')\nwarn('w')\ny = 'a'")
+    first = stamps.sources("benchmarks.asking.program")
+    assert (changed(code, code.read_text(), changed_code) != first) is counts
+
+
 def test_every_source_of_the_manifest_is_there():
     named = {source for page in PAGES for source in page.sources}
     assert named
