@@ -51,8 +51,8 @@ def as_verdict(code: Any) -> Verdict:
     if isinstance(code, (bool, np.bool_)) or not isinstance(code, (int, np.integer)):
         raise TypeError(
             "a verdict is Verdict.BETTER, WORSE or EQUAL (1, -1, 0), or None for 'cannot tell', "
-            f"not {code!r}: for a "
-            "comparison of two numbers write Verdict.BETTER if left > right else Verdict.WORSE"
+            f"not {code!r}; a comparison of two numbers is written 1 if left > right else -1 if "
+            "left < right else 0"
         )
     if code not in (-1, 0, 1):
         raise ValueError(
@@ -521,9 +521,10 @@ def match(answers: Sequence[Answer], pending: Sequence[Query]) -> tuple[Answer, 
     for answer in told:
         if not isinstance(answer, Answer):
             raise TypeError(
-                "a tutor must return elicit.Answer(query, verdict), or to qlearn.drive and solve "
-                f"also 1 (left is better), -1 (right is) or 0 (equal), not {answer!r}; where it "
-                "cannot tell, elicit.Answer(query, None)"
+                f"{answer!r} is no answer: give elicit.Answer(query, verdict), or "
+                "elicit.Answer(query, None) if the tutor cannot tell. Only a function that answers "
+                "in qlearn.solve or drive may also return 1 (left is better), -1 (right is) or 0 "
+                "(equal)"
             )
         name = answer.query.id
         if name in seen:

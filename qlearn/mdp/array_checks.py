@@ -118,7 +118,9 @@ def numbers(
         try:
             array = np.array(given, dtype=kind, order="C")
         except (TypeError, ValueError) as error:
-            raise TypeError(f"{name} must be an array of numbers: {error}") from None
+            raise TypeError(
+                f"{name} must be an array of numbers, in lists of the same length: {error}"
+            ) from None
     if shape is not None and array.shape != shape:
         each = ", one entry for each state" if len(shape) == 1 else ""
         raise ValueError(f"{name} must have shape {shape}{each}, not {array.shape}")
@@ -150,7 +152,10 @@ def levels(given: ArrayLike, shape: tuple[int, int], k: int, place: Place) -> In
     try:
         array = numbers("levels", given, shape, whole=True)
     except TypeError as error:
-        raise TypeError(f"{error}; of a level's name, that is labels.index(name)") from None
+        raise TypeError(
+            f"{error}; a level is given by its number, 0 for the worst: labels.index(name) is the "
+            "number of a level's name"
+        ) from None
     wanted = (
         f"must be in 0..{k - 1}, because {k} levels have labels: a level is given by its number, "
         "from the worst on (rewards become levels by "
@@ -276,8 +281,9 @@ def distributions(
         named = (index[0] + start, *index[1:]) if index else index
         row = f"{name}[{', '.join(map(str, named))}]" if index else name
         raise ValueError(
-            f"{row} sums to {float(total[index])!r}, not 1: divide it by its sum if this is only "
-            f"rounding{words(index) if words else ''}"
+            f"{row} sums to {float(total[index])!r}, not 1: "
+            "divide it by its sum if this is only rounding, by 100 if these are percent"
+            f"{words(index) if words else ''}"
         )
     if not (off > _ROUNDING).any():
         return p

@@ -181,13 +181,13 @@ TRUTH = TruthfulTutor(VALUES)
         ((MDP, TRUTH), {"progress": 3}, TypeError, "progress must be None or a function.*not 3"),
         ((MDP, TRUTH), {"tolerence": 0.1}, TypeError, "'tolerence'. The nearest is 'tolerance'"),
         ((MDP, TRUTH), {"seed": "one"}, TypeError, "a seed must be"),
-        ((MDP, lambda query: None), {}, TypeError, r"must return elicit.Answer\(query, verdict\)"),
-        ((MDP, lambda query: 0.5), {}, TypeError, r"must return elicit.Answer\(query, verdict\)"),
+        ((MDP, lambda query: None), {}, TypeError, r"None is no answer: give elicit"),
+        ((MDP, lambda query: 0.5), {}, TypeError, r"0\.5 is no answer: give elicit"),
         (
             (MDP, lambda query: True),
             {},
             TypeError,
-            "for a comparison of two numbers write Verdict.BETTER if",
+            "a comparison of two numbers is written 1 if left > right else -1 if",
         ),
         ((MDP, lambda query: 2), {}, ValueError, "or 0 \\(equal\\), not 2; of a pair"),
     ],
@@ -230,7 +230,7 @@ def test_a_tutor_may_return_the_sign_of_a_float() -> None:
     signs = qlearn.solve(mdp, lambda query: np.sign(query.d @ VALUES), "polytope", seed=0)
     assert signs.asked == whole.asked > 0
     assert (signs.policy == whole.policy).all()
-    with pytest.raises(TypeError, match=r"a tutor must return .* not .*0\.5"):
+    with pytest.raises(TypeError, match=r"0\.5 is no answer: .* may also return 1"):
         qlearn.solve(mdp, lambda query: 0.5, "polytope", seed=0)
 
 

@@ -374,7 +374,7 @@ def test_answers_to_nothing_pending_are_stale(told, complaint):
 
 @pytest.mark.parametrize("told", [Answer(Query("1", LEFT, RIGHT), None), [Verdict.BETTER], [None]])
 def test_what_is_no_answer(told):
-    with pytest.raises(TypeError, match=r"into a list|must return elicit\.Answer"):
+    with pytest.raises(TypeError, match=r"into a list|is no answer: give elicit\.Answer"):
         match(told, [Query("1", LEFT, RIGHT)])
 
 

@@ -261,7 +261,7 @@ P = parts()["probabilities"]
         (
             {"probabilities": [[[0.6, 0.5], [0.25, 0.75]], *P[1:]]},
             ValueError,
-            r"rounding \(state 0, action 0\)$",
+            r"percent \(state 0, action 0\)$",
         ),
         (
             {"levels": [[0, 1], [0, 9], [2, 2]], "state_names": ("home", "out", "end")},
@@ -302,7 +302,7 @@ P = parts()["probabilities"]
         (
             {"levels": [["low", "high"]] * 3},
             TypeError,
-            r"levels must be an array of numbers.*of a level's name, that is labels.index\(name\)",
+            r"levels must be an array of numbers.*0 for the worst: labels.index\(name\) is",
         ),
         ({"levels": [[0, np.nan], [1, 0], [2, 2]]}, ValueError, r"levels\[0, 1\] is nan"),
         ({"levels": [[0, 1], [1, 0], [2, 1]]}, ValueError, r"terminal state 2 has levels \[2, 1\]"),
