@@ -44,7 +44,7 @@ from benchmarks.learning.learning_runs import Setting
 from benchmarks.learning.learning_tables import Kind, described
 from benchmarks.paper import ablation_table, assumptions, exploration, literal
 from benchmarks.paper.paired_runs import Choice, measure_all
-from benchmarks.people import answers_of_people, gains, kinds_of_question, panel
+from benchmarks.people import answers_of_people, gains, kinds_of_question, panel, promise
 from benchmarks.people.repeats import of_logs
 from benchmarks.posteriors import preference_posteriors
 from benchmarks.quotes import table_rows
@@ -157,6 +157,18 @@ def asked_together(text: str) -> Iterator[str | Cells]:
     key = panel.SMALL, "independent", "never"
     found = panel.runs(*key, range(count))
     yield [*panel.described(*key, found)]
+
+
+def promised(text: str) -> Iterator[str | Cells]:
+    states, k = promise.STATES[0], promise.LEVELS[0]
+    for tutor in promise.MAKES:
+        runs = number(text, f"{states}", tutor, f"{k}", place=3)
+        of_row = [
+            cell
+            for cell in promise.cells(runs)
+            if (cell["states"], cell["tutor"], cell["k"]) == (states, tutor, k)
+        ]
+        yield [*promise.line(states, tutor, k, [promise.promised(cell) for cell in of_row])]
 
 
 def by_every_rule(text: str) -> Iterator[str | Cells]:
@@ -473,6 +485,7 @@ SAMPLES = (
     Sample("RESULTS-people", answered_again, quick=True),
     Sample("RESULTS-people-gains", liked),
     Sample("RESULTS-people-before", judged_beside_repeats),
+    Sample("RESULTS-promise", promised),
     Sample("RESULTS-panel", asked_together),
     Sample("RESULTS-families", by_every_rule),
     Sample("RESULTS-kinds", asked_of_each_kind),
@@ -489,6 +502,5 @@ NOT_AGAIN = {  # pages without such rows, and why
     "RESULTS-single-precision": "it has nothing but seconds",
     "crowd": "it needs answers of people that are not shipped",
     "RESULTS-equal": "it needs answers of people that are not shipped",
-    "RESULTS-promise": "each of its rows is of some hundred runs",
     **{page.name: "it is run whole" for page in PAGES if page.path.endswith(".ipynb")},
 }
