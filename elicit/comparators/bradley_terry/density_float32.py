@@ -1,7 +1,7 @@
 """Likelihoods in single precision, which suffice to decide nearly all proposals of the sampler.
 
-They save about a sixth of the CPU time at 50 answers, and 40 to 60% at 300 and beyond
-(benchmarks/RESULTS-single-precision.md).
+They save little up to 100 answers, and from 300 on mostly a quarter to a half of the CPU time. How
+much depends on the processor (benchmarks/RESULTS-single-precision.md).
 
 No decision depends on their rounding. Each likelihood has a bound on its error. If a proposal is
 closer than that to the limit at which it is rejected, double precision decides. So the answers may
