@@ -133,18 +133,31 @@ class Result:
     ----------
     policy : (S,)
         The action in each state.
+    status : Status
+        Why the learner stopped, or what it waits for.
     asked : int
         Number of questions to the tutor, without audits.
-    decided : (len(Tier),)
-        Number of comparisons that each tier (kind of proof) decided.
+    decided : dict of str to int
+        Number of comparisons that each tier (kind of proof) decided, by the tier's name in lower
+        case.
+    comparator : Comparator
+        The comparator with all answers that it learned.
+    answers : Answers
+        These answers.
+    audits : tuple of Audit
+        The decided comparisons that were put to the tutor all the same, with the answers.
+    cannot_tell : int
+        Number of questions that got no verdict.
+    rounds : int
+        Number of steps of Q-learning, of sweeps of value iteration, or of policies solved for.
     shares : (S, A, k) or function
         ``q``, or a function that computes it when it is first read.
     guarantee : function
         Computes the loss bound.
-    rounds : int
-        Number of steps of Q-learning, of sweeps of value iteration, or of policies solved for.
     mdp : OrdinalMDP
         The problem, by whose names of states and actions the policy is printed.
+    member_guarantees : function
+        Computes the loss bound of each member of a panel, by name; {} without a panel.
     tolerance, budget
         The tolerance and the budget of questions that the learner was given; None if it has none.
     """
