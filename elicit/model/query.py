@@ -455,16 +455,32 @@ class Answers:
     def from_csv(file: File, k: int | None = None) -> Answers:
         """Return the answers in a CSV file, in its order.
 
-        The file is a path, or text opened with ``newline=""``. Its columns may come in any order
-        and case. They are left_1, ..., left_k, right_1, ..., right_k and answer. Instead of left
-        and right there may be d_1, ..., d_k, which is left - right. An optional column id names the
-        rows, which are called "line 7" otherwise. An optional column who names the person who
-        answered. Other columns and blank lines are ignored. An answer is -1, 0 or 1, or left,
-        right, equal (better, worse), in terms of left. As with ``of``, rows without an answer
-        (empty, none, null, "cannot tell") are left out.
+        The columns may come in any order and case. They are left_1, ..., left_k, right_1, ...,
+        right_k and answer. Instead of left and right there may be d_1, ..., d_k, which is left -
+        right. An optional column id names the rows, which are called "line 7" otherwise. An
+        optional column who names the person who answered. Other columns and blank lines are
+        ignored. An answer is -1, 0 or 1, or left, right, equal (better, worse), in terms of left.
+        As with ``of``, rows without an answer (empty, none, null, "cannot tell") are left out.
 
-        Raises ValueError that names the line and the column, also if there are not k levels, and
-        OSError.
+        Parameters
+        ----------
+        file : path or text file
+            A path, or text opened with ``newline=""``.
+        k : int, optional
+            The number of levels that there must be. None: any.
+
+        Returns
+        -------
+        Answers
+            The answers.
+
+        Raises
+        ------
+        ValueError
+            For a file of another form, also if there are not k levels. The message names the
+            line and the column.
+        OSError
+            If the file cannot be read.
         """
         from elicit.model.answers_csv import read_csv
 

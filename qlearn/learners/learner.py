@@ -425,10 +425,30 @@ class Learner:
     ) -> tuple[Answer, ...]:
         """Take answers to pending queries. Return those that were dropped.
 
-        With ``on_conflict="drop"`` an answer that contradicts the others decides its own pair only,
-        and is returned. Otherwise InconsistentAnswers is raised. An answer to another query raises
-        StaleAnswer. If an error is raised, nothing has changed. If Ctrl+C interrupts it, either
-        nothing has changed, or the answers were taken and ``ask`` goes on from them.
+        Parameters
+        ----------
+        answers : sequence of Answer
+            Answers to pending queries.
+        on_conflict : {"raise", "drop"}
+            What happens to an answer that contradicts the others. "raise": InconsistentAnswers is
+            raised. "drop": it decides its own pair only, and is returned.
+
+        Returns
+        -------
+        tuple of Answer
+            The answers that were dropped.
+
+        Raises
+        ------
+        StaleAnswer
+            For an answer to another query.
+        InconsistentAnswers
+            If an answer contradicts the others, unless ``on_conflict="drop"``.
+
+        Notes
+        -----
+        If an error is raised, nothing has changed. If Ctrl+C interrupts it, either nothing has
+        changed, or the answers were taken and ``ask`` goes on from them.
         """
         self._act()
         _, dropped = self._elicitation.tell(answers, on_conflict)
