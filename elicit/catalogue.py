@@ -275,6 +275,17 @@ def styles(names: Iterable[str]) -> dict[str, dict[str, Any]]:
 
 
 def kind_of(comparator: Comparator) -> str:
-    """Return a comparator's name in ``STYLES``, or the name of its class if it has none there."""
+    """Return a comparator's name in ``STYLES``, or the name of its class if it has none there.
+
+    Parameters
+    ----------
+    comparator : Comparator
+        Any comparator.
+
+    Returns
+    -------
+    str
+        The name, such as "polytope".
+    """
     kinds = (name for name, entry in COMPARATORS.items() if entry.is_kind_of(comparator))
     return next(kinds, type(comparator).__name__)

@@ -31,7 +31,20 @@ from elicit.model.scale import Floats
 def as_levels(v: ArrayLike) -> Floats:
     """Return vectors (n, m + 1), of total 1, whose tail sums are the objectives v (n, m).
 
-    For a single v (m,) the result is (m + 1,). Raises ValueError if v is not finite.
+    Parameters
+    ----------
+    v : (n, m) or (m,)
+        The m objectives of each alternative. More of each is better.
+
+    Returns
+    -------
+    (n, m + 1), or (m + 1,) for a single v
+        The vectors. They may have negative entries.
+
+    Raises
+    ------
+    ValueError
+        If v is not finite, has no objectives, or has another shape.
     """
     t = _numbers(v, "objectives")
     first, last = np.ones((*t.shape[:-1], 1)), np.zeros((*t.shape[:-1], 1))
@@ -39,7 +52,23 @@ def as_levels(v: ArrayLike) -> Floats:
 
 
 def of_levels(vectors: ArrayLike) -> Floats:
-    """Return the objectives (n, m), or (m,), of vectors made by ``as_levels``, up to rounding."""
+    """Return the objectives (n, m), or (m,), of vectors made by ``as_levels``, up to rounding.
+
+    Parameters
+    ----------
+    vectors : (n, m + 1) or (m + 1,)
+        Vectors that ``as_levels`` made.
+
+    Returns
+    -------
+    (n, m) or (m,)
+        The objectives, in their own units.
+
+    Raises
+    ------
+    ValueError
+        If the vectors are not finite, have no entries, or have another shape.
+    """
     x = _numbers(vectors, "vectors")
     return np.asarray(np.cumsum(x[..., :0:-1], axis=-1)[..., ::-1])
 
@@ -47,7 +76,20 @@ def of_levels(vectors: ArrayLike) -> Floats:
 def weights(values: ArrayLike) -> Floats:
     """Return the weights (m,), of total 1, that a scale (m + 1,) stands for.
 
-    The scale is, for example, a comparator's ``values``. Raises ValueError.
+    Parameters
+    ----------
+    values : (m + 1,)
+        The scale, for example a comparator's ``values``. It must not fall.
+
+    Returns
+    -------
+    (m,)
+        The weight of each objective, at least 0.
+
+    Raises
+    ------
+    ValueError
+        If the values are not finite, fall somewhere, or are all the same.
     """
     e = _numbers(values, "values")
     gaps = np.diff(e)
@@ -59,7 +101,20 @@ def weights(values: ArrayLike) -> Floats:
 def values(w: ArrayLike) -> Floats:
     """Return the scale (m + 1,), from 0 to 1, whose gaps are the weights w (m,) over their total.
 
-    Raises ValueError.
+    Parameters
+    ----------
+    w : (m,)
+        The weight of each objective, at least 0 and not all 0. They need not total 1.
+
+    Returns
+    -------
+    (m + 1,)
+        The scale, as ``elicit.TruthfulTutor`` takes it.
+
+    Raises
+    ------
+    ValueError
+        If the weights are not finite, one is below 0, or all are 0.
     """
     given = _numbers(w, "weights")
     if given.ndim != 1 or not len(given) or not (given >= 0).all() or not given.any():

@@ -49,9 +49,19 @@ class BagQuestions(NamedTuple):
 class Bags:
     """Settings of questions about bags.
 
-    ``days`` is the number of days in a bag; 10 or fewer are easy to picture. ``simplicity``, in
-    0..1, is the share of the best question's information that may be given up for an easier
-    question. Raises ValueError.
+    Parameters
+    ----------
+    days : int
+        The number of days in a bag, at least 2. Bags of 10 or fewer are easy to picture.
+        Default: 10.
+    simplicity : float
+        The share of the best question's information that may be given up for an easier question,
+        in 0..1. Default: 0.3.
+
+    Raises
+    ------
+    ValueError
+        If a setting is out of range.
     """
 
     days: int = 10

@@ -46,7 +46,17 @@ class AnsweredQuery(NamedTuple):
 
 @dataclass(frozen=True)
 class Audit:
-    """A comparison that the answers had decided, put to the tutor all the same to find errors."""
+    """A comparison that the answers had decided, put to the tutor all the same to find errors.
+
+    Attributes
+    ----------
+    query : Query
+        The question.
+    expected : Verdict
+        The verdict that the answers so far imply.
+    answer : Verdict or None
+        The tutor's verdict. None: the tutor cannot tell.
+    """
 
     query: Query
     expected: Verdict

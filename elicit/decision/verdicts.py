@@ -24,6 +24,27 @@ def decide(comparator: Comparator, d: ArrayLike) -> Decisions:
 
     The verdicts are those of ``comparator.compare(d)``. If a comparator has no rule, the tier of
     all but equal and dominated pairs is MODEL.
+
+    Parameters
+    ----------
+    comparator : Comparator
+        Holds what is known of the scale.
+    d : (n, k)
+        Differences left - right, a row for each comparison. A single difference (k,) counts as one
+        row.
+
+    Returns
+    -------
+    Decisions
+        The verdicts (n,) and the tiers (n,).
+
+    Raises
+    ------
+    ValueError
+        If d has another shape or is not finite, as ``as_differences`` says.
+    TypeError
+        If ``comparator.compare`` returns anything but verdicts (n,), or the comparator has a rule
+        that leaves differences open and no method ``decide_rest``.
     """
     rows = as_differences(d, comparator.k)
     if compares_by_rule(type(comparator)):

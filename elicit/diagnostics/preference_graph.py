@@ -24,10 +24,12 @@ class Step(NamedTuple):
 
     Attributes
     ----------
-    kind
+    better, worse : int
+        The two nodes of the graph.
+    kind : str
         "dominance" if the order of the levels shows it. Otherwise "better" or "equal", as the
         answers say.
-    ids
+    ids : tuple of str
         The answers that say so, those that say "better" first; () for dominance.
     """
 
@@ -40,7 +42,14 @@ class Step(NamedTuple):
 class Implied(NamedTuple):
     """A conclusion that node ``better`` is better than ``worse`` (BETTER) or as good (EQUAL).
 
-    ``steps`` is the chain from ``better`` to ``worse``.
+    Attributes
+    ----------
+    better, worse : int
+        The two nodes of the graph.
+    verdict : Verdict
+        BETTER or EQUAL.
+    steps : tuple of Step
+        The chain from ``better`` to ``worse``.
     """
 
     better: int
@@ -57,7 +66,11 @@ class Implied(NamedTuple):
 class Cycle(NamedTuple):
     """A circular chain: each node is at least as good as the next, and in some step better.
 
-    The last step returns to the node where the first begins, which is the node shown first.
+    Attributes
+    ----------
+    steps : tuple of Step
+        The chain. The last step returns to the node where the first begins, which is the node shown
+        first.
     """
 
     steps: tuple[Step, ...]

@@ -296,8 +296,30 @@ def best_guess(comparator: Comparator) -> Floats:
 def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, float]:
     """Return upper bounds (n,) on d.e that hold for all rows of d (n, k), and their confidence.
 
-    If the comparator has no ``simultaneous_bounds``, its ``bounds`` are returned, with a confidence
-    of nan. Bounds above those that the order of the levels gives are replaced by the latter.
+    Bounds above those that the order of the levels gives are replaced by the latter.
+
+    Parameters
+    ----------
+    comparator : Comparator
+        Holds what is known of the scale. If it has no ``simultaneous_bounds``, its ``bounds`` are
+        used, with a confidence of nan.
+    d : (n, k)
+        Differences left - right. A single difference (k,) counts as one row.
+
+    Returns
+    -------
+    high : (n,)
+        The upper bounds, in units of e_k - e_1.
+    confidence : float
+        The probability that all of them hold. It is 1 if they are proven, given that the answers
+        are right, and nan if no probability can be stated.
+
+    Raises
+    ------
+    ValueError
+        If d has another shape or is not finite, as ``as_differences`` says.
+    TypeError
+        If the comparator returns anything but bounds (n,).
     """
     rows = as_differences(d, comparator.k)
     if offers(comparator, "simultaneous_bounds"):
@@ -493,7 +515,15 @@ class AllowsWrong(Protocol):
 
 
 class PersonAsked(NamedTuple):
-    """A person, and a difference (k,) to ask them about."""
+    """A person, and a difference (k,) to ask them about.
+
+    Attributes
+    ----------
+    who : str
+        The person's name.
+    d : (k,)
+        The difference left - right.
+    """
 
     who: str
     d: Floats

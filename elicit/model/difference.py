@@ -66,6 +66,11 @@ def as_differences(d: ArrayLike, k: int) -> Floats:
     k : int
         The number of levels.
 
+    Returns
+    -------
+    (n, k)
+        The differences as floats.
+
     Raises
     ------
     ValueError

@@ -141,9 +141,29 @@ class InconsistentAnswers(ValueError):
 class Query:
     """A question to the tutor: which of two share vectors (k,) is better, ``left`` or ``right``.
 
-    ``about`` is a text for people, and ``labels`` are the k levels' names, worst first.
-    ``print(query)`` shows the question as a person reads it. ``who`` is the person to ask if there
-    are several (``elicit.Panel``); None: anybody.
+    ``print(query)`` shows the question as a person reads it.
+
+    Parameters
+    ----------
+    id : str
+        Names the query. An answer belongs to the pending query with its id.
+    left, right : (k,)
+        The two vectors, worst level first. They are kept as read-only floats.
+    about : str
+        A text for people, which stands above the two sides. Default: "", which shows a general
+        question.
+    labels : sequence of str, optional
+        The k levels' names, worst first. None: levels go by number, and the worst is 1.
+    who : str, optional
+        The person to ask if there are several (``elicit.Panel``). None: anybody.
+
+    Raises
+    ------
+    ValueError
+        If the vectors are not finite or not of one shape (k,), if there are not k labels, or if
+        ``who`` is empty.
+    TypeError
+        If ``who`` is neither a text nor None.
     """
 
     id: str
@@ -263,12 +283,26 @@ def _hashed(fingerprint: str, number: int, left: bytes, right: bytes) -> str:
 class Answer:
     """A tutor's answer to a query: the verdict on ``query.left`` against ``query.right``.
 
-    The verdict is a Verdict, or -1, 0, 1; None means "cannot tell". ``swapped`` records that the
-    person saw left and right exchanged; ``verdict`` is already flipped back. ``who`` is the name or
-    pseudonym of the person who answered. By default it is the query's; None if unknown.
+    Parameters
+    ----------
+    query : Query
+        The query that was asked.
+    verdict : Verdict, {-1, 0, 1} or None
+        Positive if left is better. None means "cannot tell".
+    swapped : bool
+        True if the person saw left and right exchanged. ``verdict`` is already flipped back.
+        Default: False.
+    who : str, optional
+        The name or pseudonym of the person who answered. By default it is the query's; None if
+        unknown.
 
-    Raises TypeError for a verdict that is no code, such as True or a float, and for a ``who`` that
-    is no text. Raises ValueError for another number and an empty name.
+    Raises
+    ------
+    TypeError
+        If ``query`` is no Query, the verdict is no code, such as True or a float, or ``who`` is no
+        text.
+    ValueError
+        If the verdict is another number, or ``who`` is empty.
     """
 
     query: Query
@@ -310,9 +344,27 @@ class AnswerRow(NamedTuple):
 class Answers:
     """The answers that comparators learn from, as arrays.
 
-    d (n, k) is left - right, y (n,) holds verdicts -1, 0 or +1, and each row has an id. ``who``
-    (n,) holds the name of the person who gave each answer, or None. ``answers[i]`` is an
-    ``AnswerRow``, and a loop yields such rows. ``answers[i:j]`` are Answers again.
+    ``answers[i]`` is an ``AnswerRow``, and a loop yields such rows. ``answers[i:j]`` are Answers
+    again. The parameters are also the attributes, as read-only arrays and tuples.
+
+    Parameters
+    ----------
+    d : (n, k)
+        Differences left - right, a row for each answer. Without answers the shape is (0, k).
+    y : (n,) int
+        The verdicts -1, 0 or 1; 1 if left is better.
+    ids : (n,) str, optional
+        The id of each row. Default: its number, from "0" on.
+    who : (n,) str or None, optional
+        The name of the person who gave each answer, or None. Default: None for all.
+
+    Raises
+    ------
+    ValueError
+        If d is not finite or not (n, k), a verdict is another number, ``y``, ``ids`` or ``who``
+        does not have n entries, or a name is empty.
+    TypeError
+        If a verdict is no int, such as True or a float, or a name is no text.
     """
 
     d: Floats
@@ -403,16 +455,32 @@ class Answers:
     def from_csv(file: File, k: int | None = None) -> Answers:
         """Return the answers in a CSV file, in its order.
 
-        The file is a path, or text opened with ``newline=""``. Its columns may come in any order
-        and case. They are left_1, ..., left_k, right_1, ..., right_k and answer. Instead of left
-        and right there may be d_1, ..., d_k, which is left - right. An optional column id names the
-        rows, which are called "line 7" otherwise. An optional column who names the person who
-        answered. Other columns and blank lines are ignored. An answer is -1, 0 or 1, or left,
-        right, equal (better, worse), in terms of left. As with ``of``, rows without an answer
-        (empty, none, null, "cannot tell") are left out.
+        The columns may come in any order and case. They are left_1, ..., left_k, right_1, ...,
+        right_k and answer. Instead of left and right there may be d_1, ..., d_k, which is left -
+        right. An optional column id names the rows, which are called "line 7" otherwise. An
+        optional column who names the person who answered. Other columns and blank lines are
+        ignored. An answer is -1, 0 or 1, or left, right, equal (better, worse), in terms of left.
+        As with ``of``, rows without an answer (empty, none, null, "cannot tell") are left out.
 
-        Raises ValueError that names the line and the column, also if there are not k levels, and
-        OSError.
+        Parameters
+        ----------
+        file : path or text file
+            A path, or text opened with ``newline=""``.
+        k : int, optional
+            The number of levels that there must be. None: any.
+
+        Returns
+        -------
+        Answers
+            The answers.
+
+        Raises
+        ------
+        ValueError
+            For a file of another form, also if there are not k levels. The message names the
+            line and the column.
+        OSError
+            If the file cannot be read.
         """
         from elicit.model.answers_csv import read_csv
 

@@ -39,10 +39,23 @@ class LinearConstraint(NamedTuple):
 def scale_variable(k: int) -> cvxpy.Variable:
     """Return a cvxpy variable (k,), named e, which stands for the scale.
 
-    e[0] is the worst of k levels, and e[k - 1] the best.
-
     Linear constraints over it can be a comparator's ``prior=``. You need not state that e[0] is 0
-    and e[k - 1] is 1. Raises ValueError for k < 2.
+    and e[k - 1] is 1.
+
+    Parameters
+    ----------
+    k : int
+        Number of levels.
+
+    Returns
+    -------
+    cvxpy.Variable
+        (k,): e[0] is the worst level, and e[k - 1] the best.
+
+    Raises
+    ------
+    ValueError
+        If k is no whole number of at least 2.
     """
     import cvxpy
 

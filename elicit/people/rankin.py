@@ -35,7 +35,15 @@ _EXACT = 1e-9  # differences in worth below this are rounding: published weights
 
 
 class Weights(NamedTuple):
-    """Published values of the levels, (7,) worst first, and the study that they are from."""
+    """Published values of the levels, (7,) worst first, and the study that they are from.
+
+    Attributes
+    ----------
+    values : (7,)
+        The value of each level.
+    source : str
+        The study.
+    """
 
     values: tuple[float, ...]
     source: str
@@ -44,7 +52,16 @@ class Weights(NamedTuple):
 class Trial(NamedTuple):
     """Shares of patients at each level, (7,) worst first, with and without a treatment.
 
-    ``pooled`` says which levels the report pools, and ``source`` names the report.
+    Attributes
+    ----------
+    treated, control : (7,)
+        Shares of the patients in each arm, of total 1.
+    about : str
+        The treatment, the patients and the time of the outcome, in words.
+    pooled : str
+        The levels of the Rankin scale that the report pools, or "none".
+    source : str
+        The report.
     """
 
     treated: tuple[float, ...]
@@ -191,6 +208,11 @@ def worth(shares: ArrayLike, weights: Weights) -> Floats:
     weights : Weights
         One of ``WEIGHTS``, or your own.
 
+    Returns
+    -------
+    (n,)
+        The mean values. The level of the least weight counts 0, and that of the greatest 1.
+
     Raises
     ------
     TypeError
@@ -214,6 +236,12 @@ def tutor_of(weights: Weights) -> Callable[[Query], Answer]:
     ----------
     weights : Weights
         One of ``WEIGHTS``, or your own.
+
+    Returns
+    -------
+    function
+        The tutor: it takes a Query and returns an Answer. Differences in worth that rounding alone
+        could make are answered EQUAL.
 
     Raises
     ------

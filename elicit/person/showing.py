@@ -172,7 +172,17 @@ class Subject:
 
 
 class Row(NamedTuple):
-    """The numbers of outcomes of side A and side B at a level, 0 the worst."""
+    """The numbers of outcomes of side A and side B at a level, 0 the worst.
+
+    Attributes
+    ----------
+    label : str
+        The level's name.
+    level : int
+        The level's number.
+    a, b : int
+        The numbers of outcomes on side A and on side B, without those that both sides have.
+    """
 
     label: str
     level: int
@@ -186,13 +196,19 @@ class Shown:
 
     Attributes
     ----------
-    left, right
-        k counts each, worst level first, of equal totals.
-    scale
-        The number that divides them to give the query's vectors.
-    exact
+    id : str
+        The query's id.
+    left, right : (k,) int
+        Counts, worst level first, of equal totals.
+    labels : (k,) str
+        The levels' names, worst first.
+    words : Words
+        The words in which the question is put.
+    scale : float
+        The number that divides the counts to give the query's vectors.
+    exact : bool
         True if they then equal those vectors to the last bit, and False if they are rounded.
-    swapped
+    swapped : bool
         True if side A is the query's right.
     """
 
@@ -599,5 +615,16 @@ def _in_fives(icons: str, room: int) -> list[str]:
 
 
 def printable(text: str) -> str:
-    """Return a name with spaces in place of terminal controls, such as escapes and line feeds."""
+    """Return a name with spaces in place of terminal controls, such as escapes and line feeds.
+
+    Parameters
+    ----------
+    text : str
+        The name, such as one that a person typed.
+
+    Returns
+    -------
+    str
+        A text of the same length, in which every character can be printed.
+    """
     return "".join(letter if letter.isprintable() else " " for letter in text)

@@ -55,11 +55,25 @@ def preference_graph(
     ----------
     graph : networkx.DiGraph
         As ``graph.preference_graph`` makes it.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw. None: the axes of a new figure.
     names : mapping or sequence of str, optional
         A text for each node. By default its shares in percent, worst level first. With more than 30
         nodes there is no room for these, and ``graph.nodes[number]["vector"]`` has them.
     cycles : iterable of Cycle, optional
         Those of ``graph.cycles(graph)`` are drawn in colour and bold.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes with the drawing.
+
+    Raises
+    ------
+    ValueError
+        If ``names`` is a single text.
+    ImportError
+        Without matplotlib.
     """
     import networkx as nx
 

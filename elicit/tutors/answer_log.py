@@ -278,10 +278,24 @@ class AnswerLog(Closing):
         If it raises, nothing has changed. (Only Ctrl+C may interrupt it after the answer was
         added.)
 
-        ``used=False`` records an answer that comparators must not learn. ``metadata`` is any JSON,
-        such as a time. Raises ValueError for another number of levels, for metadata that is no JSON
-        or names another person than the answer, and for an answer of another person than the log's.
-        Raises BadLog if another program wrote to the file, and OSError if writing fails.
+        Parameters
+        ----------
+        answer : Answer
+            The answer.
+        used : bool
+            False records an answer that comparators must not learn. Default: True.
+        **metadata
+            Any JSON, such as a time.
+
+        Raises
+        ------
+        ValueError
+            For another number of levels, for metadata that is no JSON or names another person than
+            the answer, and for an answer of another person than the log's.
+        BadLog
+            If another program wrote to the file.
+        OSError
+            If writing fails.
         """
         told = {"verdict": answer.verdict, "swapped": bool(answer.swapped), "used": bool(used)}
         person = answer.who or self.who
@@ -358,8 +372,15 @@ class AnswerLog(Closing):
     def answers(self) -> Answers:
         """Return the answers that a comparator learns from, in order.
 
-        They are used, not taken back, and have a verdict. Raises ValueError for an empty log that
-        does not know its number of levels.
+        Returns
+        -------
+        Answers
+            Those that are used, not taken back, and have a verdict.
+
+        Raises
+        ------
+        ValueError
+            For an empty log that does not know its number of levels.
         """
         if self.k is None:
             raise ValueError("an empty log does not know its number of levels: give k to AnswerLog")

@@ -36,7 +36,12 @@ _FAR = 1 << 30  # where Windows locks a byte: there nobody reads, whom it would 
 class BadLog(ValueError):
     """Error for a file that is no answer log, is damaged, or is not the log that was expected.
 
-    ``line`` is the number of the bad line, counted from 1, or None if no single line is bad.
+    Parameters
+    ----------
+    message : str
+        The sentence.
+    line : int, optional
+        The number of the bad line, counted from 1. None: no single line is bad.
     """
 
     def __init__(self, message: str, line: int | None = None) -> None:

@@ -136,12 +136,21 @@ class _Simulated:
 class TruthfulTutor(_Simulated):
     """A tutor that never errs: it answers the exact sign of d.e.
 
-    It says 0 (EQUAL) if |d.e| <= ``tie``.
+    The sign is that of the product of the floats ``tail_sums(d)`` and ``gaps(values)`` in rational
+    arithmetic.
 
-    ``values`` (k,) is the hidden scale, increasing, in any unit. ``tie`` is a share of its range,
-    at least 0 and below 1; 0 by default. The sign is that of the product of the floats
-    ``tail_sums(d)`` and ``gaps(values)`` in rational arithmetic. Raises ValueError unless the
-    values increase.
+    Parameters
+    ----------
+    values : (k,)
+        The hidden scale, increasing, in any unit.
+    tie : float
+        Largest |d.e|, a share of the value range, that is answered EQUAL. It is at least 0 and
+        below 1. Default: 0, only exact ties.
+
+    Raises
+    ------
+    ValueError
+        If the values do not increase, or ``tie`` is out of range.
     """
 
     def __init__(self, values: ArrayLike, tie: float = 0.0) -> None:

@@ -62,9 +62,13 @@ BOUNDING = Needs(
 class Guarantee(NamedTuple):
     """An upper bound on what a policy loses, and the confidence in it.
 
-    ``loss_bound`` is a share of the value range and holds from every state. ``confidence`` is the
-    probability that it holds. It is 1 if the bound is proven (given that the answers are right),
-    and nan if no probability can be stated.
+    Attributes
+    ----------
+    loss_bound : float
+        A share of the value range. It holds from every state.
+    confidence : float
+        The probability that the bound holds. It is 1 if the bound is proven (given that the answers
+        are right), and nan if no probability can be stated.
     """
 
     loss_bound: float

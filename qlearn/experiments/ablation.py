@@ -71,8 +71,16 @@ Owned: TypeAlias = Mapping[str, Own]
 class Run(NamedTuple):
     """A finished run: its row of the table, and numbers for a comparison with the oracle's run.
 
-    These numbers are v (S,) of the paper's figure 4, and the greatest reward of an action. The
-    seconds that the run took come last.
+    Attributes
+    ----------
+    row : dict
+        The run's row, from column to value.
+    v : (S,)
+        The estimated values of the paper's figure 4.
+    best : float
+        The greatest reward of an action, in the unit of the hidden values.
+    seconds : float
+        The time that the run took.
     """
 
     row: dict[str, Any]
@@ -106,9 +114,6 @@ def ablate(
 ) -> pd.DataFrame:
     """Run every cell and return a row for each run, in the order of ``KEYS``.
 
-    The last column has the seconds that the run took. ``changes`` are fields of
-    ``AblationSettings`` by name, in place of those of ``settings`` (default: the defaults).
-
     ``catalogue`` says what the names of problems, learners and comparators stand for.
     "posterior-close" is for "q-learning" alone. "policy-iteration" runs only with comparators that
     can prove a loss bound (not "always", not "box"), and has no audited runs and no oracle.
@@ -116,6 +121,42 @@ def ablate(
     in this way. "always" with a truthful tutor is always run: it is the oracle that the others are
     paired with. Audited runs are not, because they are shorter (their paired columns are nan).
 
+    Parameters
+    ----------
+    settings : AblationSettings, optional
+        What is run. Default: ``AblationSettings()``.
+    jobs : int, optional
+        Number of processes. -1: one for each core. None: as an outer ``joblib.parallel_config``
+        says, such as for a Dask cluster, else one for each core.
+    journal : Path, optional
+        The file in which finished runs are kept and looked up. None: no journal.
+    fresh : bool
+        Empty the journal first. Default: False.
+    progress : function, optional
+        Called with (runs finished, runs in all).
+    **changes
+        Fields of ``AblationSettings`` by name, in place of those of ``settings``.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each run. The last column, ``seconds``, is the time that the run took. All other
+        columns depend neither on ``jobs`` nor on whether a run is read from the journal.
+
+    Raises
+    ------
+    ValueError
+        For an impossible setting, and, before the first run, for a factory that fails or returns
+        something else.
+    TypeError
+        For an unknown setting.
+    ImportError
+        Without the package of a problem.
+    Interrupted
+        On Ctrl-C, with the rows that have finished.
+
+    Notes
+    -----
     Your own parts are given as a mapping from their names, which ``runs.csv`` and pictures show, to
     their factories. The mapping may also hold our parts, under their own names:
     ``comparators={"mine": lambda k, seed: Mine(k), "polytope": "polytope"}``. A factory is a
@@ -136,22 +177,12 @@ def ablate(
                   budget. They have no audited runs and no oracle: their excess loss is that beyond
                   the best policy
 
-    The rows do not depend on ``jobs`` (number of processes; None: as an outer
-    ``joblib.parallel_config`` says, such as for a Dask cluster, else one for each core). Nor do
-    they depend on whether a run is read from ``journal``, the file in which finished runs are kept
-    and looked up. Only the seconds do.
-
     A run is taken from the journal if its settings, the sources of both packages and the versions
     of the libraries that compute are the same. For your own parts these must be the same too: the
     factory's code, its defaults, its closure, and the functions, classes and constants that it
     names, directly or indirectly (``code_identity``). So changed code is computed again under the
     same name, and so is the same code under another name. Files that it reads, and changes in
-    packages that you install, are not seen: ``fresh`` empties the journal. ``progress`` is called
-    with (runs finished, runs in all).
-
-    Raises ValueError for an impossible setting, and, before the first run, for a factory that fails
-    or returns something else. Raises TypeError for an unknown setting. Other errors are those of
-    ``run_all``.
+    packages that you install, are not seen: take ``fresh`` then.
     """
     check_keywords(ablate, changes, {one.name for one in fields(AblationSettings)})
     settings = replace(settings or AblationSettings(), **changes)
@@ -162,7 +193,24 @@ def ablate(
 
 
 def plan_of(settings: AblationSettings) -> list[Cell]:
-    """Return the cells, one dict of ``KEYS`` for each run, in the order of the table."""
+    """Return the cells, one dict of ``KEYS`` for each run, in the order of the table.
+
+    Parameters
+    ----------
+    settings : AblationSettings
+        What is run.
+
+    Returns
+    -------
+    list of dict
+        A cell for each run: its "problem", "learner", "comparator", "error_rate", "audit" and
+        "seed".
+
+    Raises
+    ------
+    ValueError
+        If none of the learners runs with any of the comparators.
+    """
     own = settings.own()
     arms: set[tuple[str, float | str, float]] = {(ALWAYS, 0.0, 0.0)}
     tutors: tuple[float | str, ...] = (*settings.error_rates, *settings.names("tutors"))
@@ -325,16 +373,37 @@ def run(
 ) -> Run:
     """Make the run of a cell, on one thread.
 
-    cell    the names of its "learner" and "comparator", "error_rate" of the tutor (or the name of a
-            tutor in ``own``), "audit" (share of the decided pairs) and "seed". Audited runs are
-            shorter, because contradictions show early. "always" has no budget. With an error rate
-            of 0 the tutor is truthful. In place of an error rate, "c" is the precision of the
-            paper's eq. (6) in the paper's units, discounted counts times the hidden values as they
-            are
-    values  (k,) the hidden scale
-    own     factories in place of those in ``COMPARATORS``, ``LEARNERS`` and ``TUTORS``, by
-            "comparator", "learner" and "error_rate": see ``ablation.ablate``. A user's own learner
-            has its own settings, including the budget
+    Parameters
+    ----------
+    cell : mapping
+        The names of its "learner" and "comparator", "error_rate" of the tutor (or the name of a
+        tutor in ``own``), "audit" (share of the decided pairs) and "seed". Audited runs are
+        shorter, because contradictions show early. "always" has no budget. With an error rate of 0
+        the tutor is truthful. In place of an error rate, "c" is the precision of the paper's eq.
+        (6) in the paper's units, discounted counts times the hidden values as they are.
+    mdp : OrdinalMDP
+        The problem.
+    values : (k,)
+        The hidden scale, worst level first.
+    settings : Settings
+        The settings of the run. ``AblationSettings`` are such settings.
+    own : mapping, optional
+        Factories in place of those in ``COMPARATORS``, ``LEARNERS`` and ``TUTORS``, by
+        "comparator", "learner" and "error_rate": see ``ablation.ablate``. A user's own learner has
+        its own settings, including the budget.
+
+    Returns
+    -------
+    Run
+        The row of the table, and the numbers for a comparison with the oracle's run.
+
+    Raises
+    ------
+    ValueError
+        If a user's factory fails or returns something else.
+    InconsistentAnswers
+        If the tutor contradicts itself in a run without audits, and the comparator takes answers as
+        facts.
     """
     own = own or {}
     settings = _of_cell(settings, cell, mdp, own)

@@ -53,9 +53,25 @@ def table(
 ) -> str:
     """Return the summary of ``ablation.summarise`` as text, by problem and learner.
 
-    It is at most 120 columns wide, if names of your own are short. ``LEGEND`` explains the columns.
-    ``names`` overrides ``NAMES``. ``seeds`` is the number that each row should have; rows with
-    fewer say so.
+    Parameters
+    ----------
+    summary : pandas.DataFrame
+        The means of ``ablation.summarise``.
+    names : mapping of str to str, optional
+        Labels of problems, learners and comparators, in place of those of ``NAMES``.
+    seeds : int, optional
+        The number of seeds that each row should have. Rows with fewer say so.
+
+    Returns
+    -------
+    str
+        The tables. They are at most 120 columns wide, if names of your own are short. ``LEGEND``
+        explains the columns.
+
+    Raises
+    ------
+    TypeError
+        If ``summary`` is no such table, such as the rows of single runs.
     """
     _check_summary("table", summary)
     parts = []
@@ -94,9 +110,28 @@ def plot_ablation(
     mean that the budget was spent in at least one run. A grey horizontal line is the loss without
     any question.
 
-    ``summary`` is ``ablation.summarise(...)``. Audited runs are not drawn. ``max_queries`` draws
-    the budget, and ``names`` overrides ``NAMES``. If points have fewer runs than ``seeds``, the
-    title says so. Both axes of values are logarithmic beyond a small value, unless ``linear``.
+    Parameters
+    ----------
+    summary : pandas.DataFrame
+        The means of ``ablation.summarise``. Audited runs are not drawn.
+    max_queries : int, optional
+        The budget of questions, which is drawn as a line. None: no line.
+    names : mapping of str to str, optional
+        Labels of problems, learners and comparators, in place of those of ``NAMES``.
+    seeds : int, optional
+        The number of runs that each point should have. If points have fewer, the title says so.
+    linear : bool
+        If False, both axes of values are logarithmic beyond a small value. Default: False.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure.
+
+    Raises
+    ------
+    TypeError
+        If ``summary`` is no such table, such as the rows of single runs.
     """
     _check_summary("plot_ablation", summary)
     called = partial(_called, names)

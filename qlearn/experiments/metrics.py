@@ -252,9 +252,22 @@ def reference_differences(mdp: OrdinalMDP, values: ArrayLike) -> Floats:
 def summarise(frame: DataFrame) -> DataFrame:
     """Return a row for each cell, with the mean over its seeds of each of ``MEASURES``.
 
-    ``<name>_half`` is half the width of its 95% t-interval (nan from a single seed). Runs for which
-    a measure is not defined are left out. So is a measure that the frame has no column for, such as
-    ``loss_unasked`` (the loss of ``equal_gaps_policy``) in a file of an earlier version.
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+        The rows of ``ablate``.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The columns that name the cell come first, then counts of runs, then for each measure its
+        mean and ``<name>_half``, half the width of its 95% t-interval (nan from a single seed).
+
+    Notes
+    -----
+    Runs for which a measure is not defined are left out. So is a measure that the frame has no
+    column for, such as ``loss_unasked`` (the loss of ``equal_gaps_policy``) in a file of an earlier
+    version.
 
     ``wrong_percent`` is in percent of the verdicts that a comparator decided, and
     ``wrong_percent_after`` of those after the tutor's first wrong answer. Excess losses are paired

@@ -34,8 +34,12 @@ _START = b'{"key": "'  # of every line of a journal
 class Interrupted(KeyboardInterrupt):
     """Error for Ctrl-C during a sweep, with the rows that have finished.
 
-    ``rows`` has the row of each cell in its place, or None if it had not finished. ``frame`` is the
-    table of the finished rows, if the sweep was to make one.
+    ``frame`` is the table of the finished rows, if the sweep was to make one.
+
+    Parameters
+    ----------
+    rows : list
+        The row of each cell in its place, or None if it had not finished.
     """
 
     def __init__(self, rows: list[Any]) -> None:

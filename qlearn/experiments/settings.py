@@ -227,7 +227,86 @@ _IN_THE_PAPER = ("polytope", "posterior", "box-rescaled", "box")
 
 @dataclass(frozen=True, kw_only=True)
 class AblationSettings(Settings):
-    """The settings of the ablation."""
+    """The settings of the ablation.
+
+    Attributes
+    ----------
+    problems : tuple of str
+        Problems by name. Default: "random" and "icu-sepsis". Of this setting, ``learners``,
+        ``comparators`` and ``tutors``, a mapping from names to factories gives your own
+        (``ablate``).
+    learners : tuple of str
+        Learners by name. Default: all.
+    comparators : tuple of str
+        Comparators by name. Default: all but the polytope that allows for a wrong answer.
+    tutors : tuple of str
+        Tutors beside those of the error rates: "person", who errs as people were seen to, or your
+        own. Default: none.
+    error_rates : tuple of float
+        The tutors' chances of a wrong answer, each at least 0 and below 0.5. 0 is truthful.
+        Default: 0, 0.05 and 0.15.
+    noise : {"flip", "logistic"}
+        "flip": a tutor errs however clear the case is. "logistic": mostly at near ties, at the same
+        mean rate. Default: "flip".
+    tie : float, optional
+        How far apart a tutor may call equal, a share of the value range. None: 0 with our tutors,
+        who are exact, and 0.01 with yours.
+    audit : float
+        Share of decided pairs put to the tutor in the audited runs. 0: no such runs. Default: 0.05.
+    audit_steps : int
+        Steps of an audited run, if ``steps`` are not fewer. Default: 2000.
+    audit_sweeps : int
+        Largest number of sweeps of an audited run, if ``max_sweeps`` are not fewer. Default: 20.
+    seeds : int
+        Number of seeds. Default: 4.
+    seed : int
+        The first seed. Default: 0.
+    max_queries : int, optional
+        Question budget. Beyond it the best guess decides. None: no limit. Default: 2000.
+    states, actions : int
+        Number of states and actions of random MDPs. Default: 100 and 5.
+    levels : int
+        Number of levels of random MDPs, from 2 to 100. Default: 10.
+    discount : float
+        Discount of random MDPs, at least 0 and below 1. Other problems have their own. Default:
+        0.95.
+    steps : int
+        Number of steps of Q-learning. Default: 100,000.
+    epsilon : float
+        Q-learning's probability of a random action. At 1 all comparators see the same transitions.
+        Default: 1.
+    exploration : str, optional
+        A named way of exploring, in place of ``epsilon``: "constant", "decaying", "restarts",
+        "optimistic" or "uniform". None: ``epsilon``.
+    indifference : float
+        Undecided pairs this close count as equal, a share of the value range. Default: 0.
+    close : float
+        The indifference of "posterior-close". Default: 0.005.
+    tolerance : float
+        The policy loss that value iteration and policy iteration aim at, a share of the value
+        range. Default: 0.005.
+    max_sweeps : int
+        Value iteration stops after this many sweeps. Default: 200.
+    precision : float
+        Precision of the Bradley-Terry prior, in logits per unit of d.e. Default: 300.
+    n_boot : int
+        Number of resamples of a Bradley-Terry fit. Default: 50.
+    level : float
+        Confidence level of Bradley-Terry and of the posterior, strictly between 0 and 1. Default:
+        0.95.
+    refit_growth : float
+        Growth of the answers between two Bradley-Terry fits, a share. 0: fit at each answer, which
+        takes hours. Default: 0.05.
+    lapse : float, optional
+        Share of answers that the posterior takes to be given at random. None: it is learned.
+    particles : int
+        The posterior's number of particles, at least 20. Default: 1000.
+
+    Raises
+    ------
+    ValueError
+        If a setting is out of range. The message names the setting.
+    """
 
     GROUPS: ClassVar[Mapping[str, tuple[str, ...]]] = {
         "the sweep": (

@@ -90,6 +90,7 @@ def drive(
     Parameters
     ----------
     learner : Drivable
+        Anything with ``ask``, ``tell`` and ``result``, such as a learner.
     tutor : function, or mapping of str to function
         It takes a query and returns an Answer, or a verdict on the query's left vector: a Verdict,
         or 1, 0, -1. ``Answer(query, None)`` says "cannot tell". For several people, give the tutor
@@ -108,6 +109,12 @@ def drive(
         that a preference for one side favours no policy. Answers are told and logged in terms of
         the learner's own left, with ``swapped`` for exchanged pairs. None: the sides are drawn anew
         each time.
+
+    Returns
+    -------
+    Result
+        The learner's ``result()`` at the end. Other learners return their own kind, such as a
+        TrainingResult.
 
     Raises
     ------

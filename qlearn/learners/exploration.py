@@ -20,8 +20,19 @@ Start: TypeAlias = Literal["worst", "zero", "best"]
 class Decay:
     """A probability of exploring that falls in a straight line.
 
-    It falls from ``first`` to ``last`` over the first ``share`` of the steps, and stays at
-    ``last``. All three lie in 0..1, and ``share`` is above 0.
+    Parameters
+    ----------
+    first : float
+        The probability at the first step, in 0..1. Default: 1.
+    last : float
+        The probability at the end of the fall and from then on, in 0..1. Default: 0.05.
+    share : float
+        The share of the steps over which the probability falls, in 0..1 and above 0. Default: 0.5.
+
+    Raises
+    ------
+    ValueError
+        If a number is out of range.
     """
 
     first: float = 1.0

@@ -133,18 +133,31 @@ class Result:
     ----------
     policy : (S,)
         The action in each state.
+    status : Status
+        Why the learner stopped, or what it waits for.
     asked : int
         Number of questions to the tutor, without audits.
-    decided : (len(Tier),)
-        Number of comparisons that each tier (kind of proof) decided.
+    decided : dict of str to int
+        Number of comparisons that each tier (kind of proof) decided, by the tier's name in lower
+        case.
+    comparator : Comparator
+        The comparator with all answers that it learned.
+    answers : Answers
+        These answers.
+    audits : tuple of Audit
+        The decided comparisons that were put to the tutor all the same, with the answers.
+    cannot_tell : int
+        Number of questions that got no verdict.
+    rounds : int
+        Number of steps of Q-learning, of sweeps of value iteration, or of policies solved for.
     shares : (S, A, k) or function
         ``q``, or a function that computes it when it is first read.
     guarantee : function
         Computes the loss bound.
-    rounds : int
-        Number of steps of Q-learning, of sweeps of value iteration, or of policies solved for.
     mdp : OrdinalMDP
         The problem, by whose names of states and actions the policy is printed.
+    member_guarantees : function
+        Computes the loss bound of each member of a panel, by name; {} without a panel.
     tolerance, budget
         The tolerance and the budget of questions that the learner was given; None if it has none.
     """
@@ -412,10 +425,30 @@ class Learner:
     ) -> tuple[Answer, ...]:
         """Take answers to pending queries. Return those that were dropped.
 
-        With ``on_conflict="drop"`` an answer that contradicts the others decides its own pair only,
-        and is returned. Otherwise InconsistentAnswers is raised. An answer to another query raises
-        StaleAnswer. If an error is raised, nothing has changed. If Ctrl+C interrupts it, either
-        nothing has changed, or the answers were taken and ``ask`` goes on from them.
+        Parameters
+        ----------
+        answers : sequence of Answer
+            Answers to pending queries.
+        on_conflict : {"raise", "drop"}
+            What happens to an answer that contradicts the others. "raise": InconsistentAnswers is
+            raised. "drop": it decides its own pair only, and is returned.
+
+        Returns
+        -------
+        tuple of Answer
+            The answers that were dropped.
+
+        Raises
+        ------
+        StaleAnswer
+            For an answer to another query.
+        InconsistentAnswers
+            If an answer contradicts the others, unless ``on_conflict="drop"``.
+
+        Notes
+        -----
+        If an error is raised, nothing has changed. If Ctrl+C interrupts it, either nothing has
+        changed, or the answers were taken and ``ask`` goes on from them.
         """
         self._act()
         _, dropped = self._elicitation.tell(answers, on_conflict)

@@ -59,9 +59,20 @@ def __dir__() -> list[str]:
 class Candidates:
     """Candidates for a question: differences d (n, k) that may be asked about.
 
-    The left vector is that of the challenger, action ``actions`` (n,) at state ``states`` (n,). The
-    right one is that of the best action so far. A difference matters if d.e exceeds ``limit``.
-    ``times``, a number or (n,), is the factor by which a question multiplies d.
+    Attributes
+    ----------
+    d : (n, k)
+        The vector of the challenger minus that of the best action so far.
+    states : (n,) int
+        The state of each candidate.
+    actions : (n,) int
+        The challenger's action at that state.
+    limit : float
+        A difference matters if d.e exceeds this, a share of the value range.
+    comparator : Comparator
+        What is known of the scale so far.
+    times : float or (n,)
+        The factor by which a question multiplies d. Default: 1.
     """
 
     d: Floats
@@ -109,20 +120,53 @@ Strategy: TypeAlias = Callable[[Candidates], Floats]
 
 
 def first_come(candidates: Candidates) -> Floats:
-    """Score by the order of states and actions, the first highest, as the paper does."""
+    """Score by the order of states and actions, the first highest, as the paper does.
+
+    Parameters
+    ----------
+    candidates : Candidates
+        The n candidates, in the order of states and actions.
+
+    Returns
+    -------
+    (n,)
+        Scores 0, -1, -2, ...
+    """
     return -np.arange(len(candidates), dtype=np.float64)
 
 
 @uses("simultaneous_bounds")
 def widest_bound(candidates: Candidates) -> Floats:
-    """Score by the distance between the bounds on d.e."""
+    """Score by the distance between the bounds on d.e.
+
+    Parameters
+    ----------
+    candidates : Candidates
+        The n candidates.
+
+    Returns
+    -------
+    (n,)
+        Upper minus lower bound of each candidate, a share of the value range.
+    """
     low, high = candidates.bounds
     return np.asarray(high - low)
 
 
 @uses("simultaneous_bounds")
 def max_regret(candidates: Candidates) -> Floats:
-    """Score by the upper bound on d.e."""
+    """Score by the upper bound on d.e.
+
+    Parameters
+    ----------
+    candidates : Candidates
+        The n candidates.
+
+    Returns
+    -------
+    (n,)
+        The upper bound of each candidate, a share of the value range.
+    """
     return candidates.bounds[1]
 
 
@@ -131,6 +175,16 @@ def most_even_cut(candidates: Candidates) -> Floats:
     """Score by the weight of scales that are excluded by the answer that excludes less.
 
     "Left is better" excludes the scales with d.e < 0, and "right is better" those with d.e > 0.
+
+    Parameters
+    ----------
+    candidates : Candidates
+        The n candidates. Their comparator's ``draws`` are the scales.
+
+    Returns
+    -------
+    (n,)
+        The smaller weight for each candidate, from 0 to 1/2.
     """
     weights = candidates.weights
     better, worse = product(candidates.scores > 0, weights), product(candidates.scores < 0, weights)
@@ -143,6 +197,16 @@ def mutual_information(candidates: Candidates) -> Floats:
 
     It is computed from the comparator's model of the tutor (Houlsby et al. 2011; Biyik et al.
     2019): the entropy of the answer, minus the mean of its entropy under each scale.
+
+    Parameters
+    ----------
+    candidates : Candidates
+        The n candidates. Their comparator's ``draws`` are the scales.
+
+    Returns
+    -------
+    (n,)
+        The information that an answer about each candidate gives, in bits.
     """
     chance, weights = candidates.agreement, candidates.weights
     return np.asarray(entropy(product(chance, weights)) - product(entropy(chance), weights))
@@ -150,7 +214,18 @@ def mutual_information(candidates: Candidates) -> Floats:
 
 @uses("draws")
 def violated_weight(candidates: Candidates) -> Floats:
-    """Score by the weight of the scales under which the difference matters, d.e > limit."""
+    """Score by the weight of the scales under which the difference matters, d.e > limit.
+
+    Parameters
+    ----------
+    candidates : Candidates
+        The n candidates. Their comparator's ``draws`` are the scales.
+
+    Returns
+    -------
+    (n,)
+        The weight for each candidate, from 0 to 1.
+    """
     return product(candidates.scores > candidates.limit, candidates.weights)
 
 
@@ -159,6 +234,16 @@ def telling_violation(candidates: Candidates) -> Floats:
     """Score by mutual information times the weight of the scales for which the difference matters.
 
     The weight of one draw is added, so that scores differ even if it matters under no draw.
+
+    Parameters
+    ----------
+    candidates : Candidates
+        The n candidates. Their comparator's ``draws`` are the scales.
+
+    Returns
+    -------
+    (n,)
+        The product for each candidate, in bits.
     """
     spare = 1.0 / len(candidates.weights)
     return np.asarray(mutual_information(candidates) * (violated_weight(candidates) + spare))

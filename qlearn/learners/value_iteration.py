@@ -252,12 +252,32 @@ class LateValueIteration(InteractiveValueIteration):
 
     It delays and orders questions as Gilbert, Spanjaard, Viappiani and Weng (2015) do. Undecided
     pairs are decided by the comparator's central scale until V hardly changes. Only then it asks
-    about one of these pairs, the best by ``strategy`` (``qlearn.strategies``), and sweeps go on. It
-    stops after a sweep without such a guess, and so has the guarantee of InteractiveValueIteration.
+    about one of these pairs, and sweeps go on. It stops after a sweep without such a guess, and so
+    has the guarantee of InteractiveValueIteration.
 
-    Other keywords are those of InteractiveValueIteration. The default limit of sweeps applies to
-    each question. If every pair is asked about (AlwaysAsk with a simulated tutor), questions are
-    not delayed.
+    Parameters
+    ----------
+    mdp : OrdinalMDP
+        The problem.
+    comparator : Comparator
+        What is known of the scale so far. Its number of levels must be the MDP's.
+    strategy : function or str
+        Chooses the pair to ask about: a strategy, or the name of one of ``qlearn.strategies``.
+        Default: ``telling_violation``.
+    **settings
+        The other keywords of InteractiveValueIteration. The default limit of sweeps applies to each
+        question.
+
+    Raises
+    ------
+    TypeError
+        If a keyword is unknown, or the comparator lacks a part that the strategy needs.
+    ValueError
+        If a setting is out of range, or no strategy has the name.
+
+    Notes
+    -----
+    If every pair is asked about (AlwaysAsk with a simulated tutor), questions are not delayed.
     """
 
     def __init__(

@@ -200,7 +200,28 @@ class OrdinalMDP:
     ) -> OrdinalMDP:
         """Make an MDP from a dense table ``transitions`` (S, A, S) of p(s, a, s').
 
-        ``rest`` may hold initial, terminal, admissible, state_names and action_names.
+        Parameters
+        ----------
+        transitions : (S, A, S)
+            ``transitions[s, a, t]`` is the probability of state t after action a in state s.
+        levels : (S, A) int
+            From 0 to k - 1.
+        discount : float
+            In [0, 1).
+        labels : (k,) str
+            The names of the levels.
+        **rest
+            initial, terminal, admissible, state_names and action_names, as for ``OrdinalMDP``.
+
+        Returns
+        -------
+        OrdinalMDP
+            The MDP.
+
+        Raises
+        ------
+        ValueError
+            For an impossible value. Other errors are as for ``OrdinalMDP``.
         """
         return cls.from_sparse(tables.from_dense(transitions), levels, discount, labels, **rest)
 
@@ -215,12 +236,32 @@ class OrdinalMDP:
     ) -> OrdinalMDP:
         """Make an MDP from sparse ``transitions``.
 
-        They are a single SciPy matrix (S*A, S) whose row s*A + a belongs to (s, a), as in
-        ``OrdinalMDP.transitions``, or a sequence of A matrices (S, S), one for each action.
-
         All rows are stored at the length of the longest. So a single state with very many
-        successors makes the whole table large. ``rest`` may hold initial, terminal, admissible,
-        state_names and action_names. Raise ValueError.
+        successors makes the whole table large.
+
+        Parameters
+        ----------
+        transitions : SciPy matrix, or sequence of SciPy matrices
+            A single matrix (S*A, S) whose row s*A + a belongs to (s, a), as in
+            ``OrdinalMDP.transitions``, or a sequence of A matrices (S, S), one for each action.
+        levels : (S, A) int
+            From 0 to k - 1.
+        discount : float
+            In [0, 1).
+        labels : (k,) str
+            The names of the levels.
+        **rest
+            initial, terminal, admissible, state_names and action_names, as for ``OrdinalMDP``.
+
+        Returns
+        -------
+        OrdinalMDP
+            The MDP.
+
+        Raises
+        ------
+        ValueError
+            For an impossible value. Other errors are as for ``OrdinalMDP``.
         """
         matrix = tables.from_sparse(transitions)
         n = matrix.shape[1]
@@ -245,11 +286,32 @@ class OrdinalMDP:
     ) -> OrdinalMDP:
         """Make an MDP from its L state-action pairs, as QuantEcon's DiscreteDP takes them.
 
-        ``levels`` (L,) takes the place of DiscreteDP's rewards R, and ``transitions`` (L, S),
-        sparse or dense, that of Q. ``s_indices`` and ``a_indices`` (L,) are the state and the
-        action of each pair, in any order. ``rest`` may hold initial, terminal, state_names and
-        action_names. A pair that is not listed is inadmissible. Raise ValueError for pairs out of
-        range or listed twice, and for a state without any.
+        Parameters
+        ----------
+        levels : (L,) int
+            The level of each pair, from 0 to k - 1. They take the place of DiscreteDP's rewards R.
+        transitions : (L, S), sparse or dense
+            The probability of each next state. They take the place of DiscreteDP's Q.
+        s_indices, a_indices : (L,) int
+            The state and the action of each pair, in any order. A pair that is not listed is
+            inadmissible.
+        discount : float
+            In [0, 1).
+        labels : (k,) str
+            The names of the levels.
+        **rest
+            initial, terminal, state_names and action_names, as for ``OrdinalMDP``.
+
+        Returns
+        -------
+        OrdinalMDP
+            The MDP.
+
+        Raises
+        ------
+        ValueError
+            For pairs out of range or listed twice, and for a state without any. Other errors are as
+            for ``OrdinalMDP``.
         """
         matrix, each, listed = tables.from_pairs(
             levels, transitions, s_indices, a_indices, len(labels)
@@ -269,23 +331,45 @@ class OrdinalMDP:
     ) -> OrdinalMDP:
         """Make an MDP from an environment that carries its tables, as Gymnasium's toy texts do.
 
-        ``env.unwrapped.P`` must have ``P[s][a]``, a list of (probability, next state, reward,
-        terminated).
+        Parameters
+        ----------
+        env : gymnasium.Env
+            ``env.unwrapped.P`` must have ``P[s][a]``, a list of (probability, next state, reward,
+            terminated).
+        discount : float
+            In [0, 1).
+        levels : sequence or mapping, optional
+            The meaning of the rewards. It is a sequence of rewards, worst first, or a mapping from
+            reward to the name of its level, in which several rewards may have the same name.
+            Default: the distinct rewards in increasing order are the levels.
+        labels : (k,) str, optional
+            The names of the levels, worst first. With a mapping these are its names, by default in
+            the order in which they first appear there.
+        initial : (n,), optional
+            The distribution of an episode's first state, over the environment's n states. Default:
+            ``env.unwrapped.initial_state_distrib``, if there is one.
+        after : float
+            After the end of an episode every further step counts as one with this reward, which
+            needs a level too. Default: 0.
 
-        ``levels`` gives the meaning of the rewards. It is a sequence of rewards, worst first, or a
-        mapping from reward to the name of its level, in which several rewards may have the same
-        name. With a mapping, ``labels`` are these names, worst first (default: as they first appear
-        in the mapping). By default the distinct rewards in increasing order are the levels. After
-        the end of an episode every further step counts as one with reward ``after``, which needs a
-        level too.
+        Returns
+        -------
+        OrdinalMDP
+            States 0..n-1 are the environment's, so a policy's first n entries are a policy for it.
+            States after the end are appended.
 
-        States 0..n-1 are the environment's, so a policy's first n entries are a policy for it.
-        States after the end are appended. If a reward depends on the next state, it is counted on
-        arrival, one step later. This changes no preference between two policies, and scales their
-        differences by ``discount``. A state that can be entered with different rewards is appended
-        once for each further one. ``initial`` is by default
-        ``env.unwrapped.initial_state_distrib``, if there is one. Raise TypeError if there are no
-        tables, and ValueError for a reward without a level.
+        Raises
+        ------
+        TypeError
+            If there are no tables.
+        ValueError
+            For a reward without a level.
+
+        Notes
+        -----
+        If a reward depends on the next state, it is counted on arrival, one step later. This
+        changes no preference between two policies, and scales their differences by ``discount``. A
+        state that can be entered with different rewards is appended once for each further one.
         """
         return cls(**gymnasium_tables.read(env, discount, levels, labels, initial, after))
 

@@ -76,13 +76,28 @@ def value_iteration(
 def evaluate_policy(mdp: OrdinalMDP, policy: ArrayLike) -> Floats:
     """Return the vector value of a policy, as shares (S, k), by the paper's eq. (3).
 
-    Row s says how the discounted time of a run from s divides among the levels, and sums to 1. For
-    every scale e, the policy's numeric value is ``evaluate_policy(mdp, policy) @ e``, in the unit
-    of e (the paper's proposition 1).
+    For every scale e, the policy's numeric value is ``evaluate_policy(mdp, policy) @ e``, in the
+    unit of e (the paper's proposition 1).
 
-    ``policy`` is (S,) action indices or (S, A) probabilities. Its entries at terminal states are
-    not read, and a terminal state's row is the unit vector of its level. Raises ValueError for a
-    policy of wrong shape, or with an inadmissible action.
+    Parameters
+    ----------
+    mdp : OrdinalMDP
+        The problem.
+    policy : (S,) int or (S, A)
+        The action in each state, or the probability of each action. Entries at terminal states are
+        not read.
+
+    Returns
+    -------
+    (S, k)
+        Row s says how the discounted time of a run from s divides among the levels, and sums to 1.
+        A terminal state's row is the unit vector of its level.
+
+    Raises
+    ------
+    ValueError
+        If the policy has another shape or type, has an inadmissible action, or its probabilities do
+        not sum to 1.
     """
     rule = _rule(mdp, policy)
     pairs = mdp.levels.size

@@ -38,6 +38,11 @@ class WorstOffResult(Result):
 
     ``worst_off`` has the policy, which may draw its actions, and its bounds. ``policy`` is the best
     deterministic policy found, and ``loss_bound`` is its loss under the mean scale.
+
+    Attributes
+    ----------
+    found : function
+        Computes ``worst_off``. The other attributes are those of ``Result``.
     """
 
     found: Callable[[], WorstOffPolicy] | None = None

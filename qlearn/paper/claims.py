@@ -50,7 +50,18 @@ _BOUND = 1.0  # percent: "the average percentage of loss is lower than 1%"
 def series_of(frame: pd.DataFrame, name: str) -> pd.DataFrame:
     """Return the rows of the series in which ``name`` varies, "levels" or "states".
 
-    The other number is fixed at its commonest value.
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+        The rows of ``figure_runs.figures``.
+    name : {"levels", "states"}
+        The number that varies. The other one is fixed at its commonest value.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The rows of the series, by comparator, tutor, size and seed. The columns
+        ``excess_loss_percent`` and ``loss_percent`` are added.
     """
     other = "states" if name == "levels" else "levels"
     points = frame[["states", "levels"]].drop_duplicates()
@@ -67,8 +78,16 @@ def series_of(frame: pd.DataFrame, name: str) -> pd.DataFrame:
 def summarise_series(frame: pd.DataFrame) -> pd.DataFrame:
     """Return a row for each point of a series and each comparator: means over runs.
 
-    ``<name>_half`` is half the width of the 95% t-interval of one of ``MEASURES`` (nan from a
-    single run).
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+        The rows of ``figure_runs.figures``.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``series`` is "levels" or "states", and ``x`` the size. For each of ``MEASURES`` there is
+        its mean, and ``<name>_half``, half the width of its 95% t-interval (nan from a single run).
     """
     parts = []
     for name in ("levels", "states"):
@@ -83,9 +102,21 @@ def summarise_series(frame: pd.DataFrame) -> pd.DataFrame:
 def claims(frame: pd.DataFrame) -> pd.DataFrame:
     """Return the paper's claims: a row for every comparator and way of measuring.
 
-    Each has a 95% t-interval over seeds. A number that is not defined, as with one seed or one
-    point, is nan. The oracle is left out, because it has nothing to be compared with.
+    The oracle is left out, because it has nothing to be compared with.
 
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+        The rows of ``figure_runs.figures``.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The rows, each with its estimate, the ends ``low`` and ``high`` of a 95% t-interval over
+        seeds, and the answer. A number that is not defined, as with one seed or one point, is nan.
+
+    Notes
+    -----
     Figures 2 and 3 claim that the percentage asked rises. ``estimate`` is the mean over seeds of
     its least squares slope, in percentage points for 5 more levels, or 100 more states.
     ``agreeing`` counts the seeds whose own slope has the same sign. ``answer`` is "holds" if the
@@ -111,7 +142,22 @@ def claims(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def answers(told: pd.DataFrame, figure: int, measure: str) -> dict[str, dict[str, Any]]:
-    """Return the rows of ``claims`` of a figure and a measure, by comparator and tutor."""
+    """Return the rows of ``claims`` of a figure and a measure, by comparator and tutor.
+
+    Parameters
+    ----------
+    told : pandas.DataFrame
+        The table of ``claims``.
+    figure : {2, 3, 4}
+        The number of the paper's figure.
+    measure : str
+        The measure's name in the table, such as one that ``READINGS`` has for the figure.
+
+    Returns
+    -------
+    dict of str to dict
+        For each comparator a dict from the tutor's name to the row.
+    """
     rows = told[(told.figure == figure) & (told.measure == measure)]
     return {
         str(name): {str(row.errs): row for row in some.itertuples()}
@@ -120,15 +166,37 @@ def answers(told: pd.DataFrame, figure: int, measure: str) -> dict[str, dict[str
 
 
 def tutors_of(told: pd.DataFrame) -> list[str]:
-    """Return the tutors in a table of ``claims``, the most precise first."""
+    """Return the tutors in a table of ``claims``, the most precise first.
+
+    Parameters
+    ----------
+    told : pandas.DataFrame
+        The table of ``claims``.
+
+    Returns
+    -------
+    list of str
+        The tutors' names, such as "truthful" and "2%".
+    """
     return [name for name in TUTORS if (told.errs == name).any()]
 
 
 def sizes_of(frame: pd.DataFrame, figure: int, names: Mapping[str, str] | None = None) -> str:
     """Return, in words, the sizes in a figure and its number of runs for each point.
 
-    The text also says which comparators with which tutors have fewer sizes. ``names`` are names of
-    comparators other than the usual ones.
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+        The rows of ``figure_runs.figures``.
+    figure : {2, 3, 4}
+        The number of the paper's figure.
+    names : mapping of str to str, optional
+        Names of comparators other than the usual ones.
+
+    Returns
+    -------
+    str
+        The sizes. The text also says which comparators with which tutors have fewer sizes.
     """
     axis = "levels" if figure == 2 else "states"
     rows = series_of(frame, axis)
@@ -149,7 +217,18 @@ def sizes_of(frame: pd.DataFrame, figure: int, names: Mapping[str, str] | None =
 
 
 def listed(arms: Mapping[str, Sequence[str]]) -> str:
-    """Return the comparators with their tutors, in words."""
+    """Return the comparators with their tutors, in words.
+
+    Parameters
+    ----------
+    arms : mapping of str to sequence of str
+        The tutors of each comparator.
+
+    Returns
+    -------
+    str
+        A text such as "box (2%, 10%)".
+    """
     return ", ".join(f"{name} ({', '.join(tutors)})" for name, tutors in arms.items())
 
 

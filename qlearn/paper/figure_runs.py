@@ -48,12 +48,41 @@ def figures(
 ) -> pd.DataFrame:
     """Run both series and return a row for each run, in the order of ``KEYS``.
 
-    The last column has the seconds that the run took. ``changes`` are fields of ``FiguresSettings``
-    by name, in place of those of ``settings`` (default: the defaults).
-
     A problem in both series is run once. The oracle always runs. To save time, precisions between
     the first and the last are run at every other size only. Their slopes are nearly as accurate.
 
+    Parameters
+    ----------
+    settings : FiguresSettings, optional
+        What is run. Default: ``FiguresSettings()``.
+    jobs : int, optional
+        Number of processes, as in ``ablation.ablate``.
+    journal : Path, optional
+        The file in which finished runs are kept and looked up. None: no journal.
+    fresh : bool
+        Empty the journal first. Default: False.
+    progress : function, optional
+        Called with (runs finished, runs in all).
+    **changes
+        Fields of ``FiguresSettings`` by name, in place of those of ``settings``.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each run. The last column, ``seconds``, is the time that the run took. All other
+        columns depend neither on ``jobs`` nor on what came from the journal.
+
+    Raises
+    ------
+    ValueError
+        For an impossible setting.
+    TypeError
+        For an unknown setting.
+    Interrupted
+        On Ctrl-C, with the rows that have finished.
+
+    Notes
+    -----
     ``errs`` names the tutor (see ``settings.tutors``). ``error_rate`` is the expected share of
     wrong answers to ``metrics.reference_differences``, by which a tutor's precision is set; it is
     given too if the setting was a precision. ``realised_error_rate`` is the share among the answers
@@ -63,9 +92,6 @@ def figures(
     comparator warned that it is unreliable: particles that are worth too few draws, or a fit
     without a maximum. ``asked_percent_fresh`` is the number of questions in percent of the open
     pairs that had not been asked before.
-
-    Rows do not depend on ``jobs`` or on what came from the ``journal``. These, ``fresh``,
-    ``progress`` and errors are as in ``ablation.ablate``.
     """
     check_keywords(figures, changes, {one.name for one in fields(FiguresSettings)})
     settings = replace(settings or FiguresSettings(), **changes)

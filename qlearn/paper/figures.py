@@ -47,9 +47,23 @@ def plot_asked(
     It shows questions in percent of three denominators, on a log scale, with 95% t-intervals over
     the runs. An arrow at the lower end of the axis marks an interval that reaches further down. The
     fourth denominator, the unequal pairs, is nearly the same as all comparisons, and is left out.
-    ``tutors`` selects tutors, at most two for all to be seen. By default these are the one who
-    never errs, and the last, who errs most. ``measures`` are columns of the summary, with a panel
-    for each.
+
+    Parameters
+    ----------
+    summary : pandas.DataFrame
+        The means of ``claims.summarise_series``.
+    series : {"levels", "states"}
+        The series to draw.
+    tutors : sequence of str, optional
+        The tutors to draw, at most two for all to be seen. Default: the one who never errs, and the
+        last, who errs most.
+    measures : sequence of str
+        Columns of the summary, with a panel for each. Default: the three denominators.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure.
     """
     rows, figure, panels = _panels(
         summary, series, [_ASKED[one] for one in measures], tutors, sharey=True
@@ -83,7 +97,24 @@ def plot_loss(
 ) -> Figure:
     """Draw the paper's figure 4, its percentage of loss, next to losses that it does not show.
 
-    Lines mark 1%, the paper's bound. ``tutors`` and ``measures`` are as for ``plot_asked``.
+    Lines mark 1%, the paper's bound.
+
+    Parameters
+    ----------
+    summary : pandas.DataFrame
+        The means of ``claims.summarise_series``.
+    series : {"levels", "states"}
+        The series to draw. Default: "states".
+    tutors : sequence of str, optional
+        The tutors to draw, as for ``plot_asked``.
+    measures : sequence of str
+        Columns of the summary, with a panel for each. Default: the paper's formula, the same with
+        absolute values, and the true policy loss.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure.
     """
     rows, figure, panels = _panels(
         summary, series, [_LOSSES[one][0] for one in measures], tutors, sharey=False

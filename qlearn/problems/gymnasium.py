@@ -24,11 +24,28 @@ def frozen_lake(discount: float = 0.99) -> OrdinalMDP:
     8 * row + column. Transitions and the initial distribution are those of ``env.unwrapped.P``. The
     holes and the goal are terminal.
 
-    The levels, worst first, are those of the cell: hole < ice < goal. The package rewards only the
-    goal, with 1, so that a hole costs as much as going round in circles. Here a hole is worse than
-    ice, for ever after. How much worse, relative to the goal, is for the tutor to say.
+    Parameters
+    ----------
+    discount : float
+        In [0, 1). Default: 0.99.
 
-    Raises ImportError without the package, ValueError for a bad ``discount``.
+    Returns
+    -------
+    OrdinalMDP
+        Its levels, worst first, are those of the cell: hole < ice < goal.
+
+    Raises
+    ------
+    ImportError
+        Without the package.
+    ValueError
+        If the discount is out of range.
+
+    Notes
+    -----
+    The package rewards only the goal, with 1, so that a hole costs as much as going round in
+    circles. Here a hole is worse than ice, for ever after. How much worse, relative to the goal, is
+    for the tutor to say.
     """
     env = _make("gymnasium", "FrozenLake-v1", map_name="8x8", is_slippery=True)
     table, cells = env.P, env.desc.ravel()
@@ -54,20 +71,39 @@ def deep_sea_treasure(discount: float = 0.95) -> OrdinalMDP:
 
     A submarine has 4 actions; farther treasures are better. States are the cells that can be
     reached, in the order of the map's rows; the start is the first. The successor of each action is
-    found by stepping the environment from every cell. The ten treasures are terminal. The levels,
-    worst first, are: at sea < the treasures by their value.
+    found by stepping the environment from every cell. The ten treasures are terminal.
 
+    Parameters
+    ----------
+    discount : float
+        In [0, 1). Default: 0.95.
+
+    Returns
+    -------
+    OrdinalMDP
+        Its levels, worst first, are: at sea < the treasures by their value.
+
+    Raises
+    ------
+    ImportError
+        Without the package.
+    RuntimeError
+        If the environment does not move as described.
+    ValueError
+        If the discount is out of range.
+
+    Notes
+    -----
     The package gives two rewards, -1 for each step and the treasure's value. The levels keep the
     order of both. A reached treasure counts for ever, so that another step means a greater share at
     sea and a smaller share at the treasure. Two numeric rewards need weights that say how many
     steps a better treasure is worth. With levels the tutor says it.
 
-    Raises ImportError without the package, RuntimeError if it does not move as described, and
-    ValueError for a bad ``discount``.
-
-    Source: Vamplew, Dazeley, Berry, Issabekov and Dekker, "Empirical evaluation methods for
-    multiobjective reinforcement learning algorithms", Machine Learning 84 (2011); the map of Yang,
-    Sun and Narasimhan (2019).
+    References
+    ----------
+    Vamplew, Dazeley, Berry, Issabekov and Dekker, "Empirical evaluation methods for multiobjective
+    reinforcement learning algorithms", Machine Learning 84 (2011); the map of Yang, Sun and
+    Narasimhan (2019).
     """
     env = _make("mo_gymnasium", "deep-sea-treasure-v0")
     moves = _moves(env)

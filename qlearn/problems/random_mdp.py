@@ -22,9 +22,26 @@ def draw_values(k: int, seed: Seed | None) -> Floats:
     """Draw hidden values (k,) of a scale: distinct integers from 0..99, uniform, increasing.
 
     The paper's section 5 draws integers from 0..99. Drawn without replacement, the k levels have k
-    different values, at least 1/99 of the range apart. ``seed`` is an int, a SeedSequence, a
-    Generator, or None for a new draw each time (``rng`` is the same). Raises ValueError unless 2 <=
-    k <= 100.
+    different values, at least 1/99 of the range apart.
+
+    Parameters
+    ----------
+    k : int
+        Number of levels, from 2 to 100.
+    seed : int, SeedSequence, Generator or None
+        Draws the values. None: a new draw each time. The keyword ``rng`` is the same.
+
+    Returns
+    -------
+    (k,)
+        The values, worst level first, as floats.
+
+    Raises
+    ------
+    ValueError
+        If k is out of range.
+    TypeError
+        If the seed is something else, or both ``seed`` and ``rng`` are given.
     """
     _check("the number of levels", k, 2, _VALUES)
     return _values(k, np.random.default_rng(key_of(seed_of(seed))))
@@ -42,14 +59,41 @@ def random_mdp(
 ) -> tuple[OrdinalMDP, Floats]:
     """Return a random MDP as in the paper's section 5, and hidden values (k,) for its scale.
 
-    The seed is as for ``draw_values``.
+    Parameters
+    ----------
+    n_states, n_actions : int
+        Number of states, and of actions in each state, from 1 on.
+    n_levels : int
+        Number of levels k, from 2 to 100.
+    discount : float
+        In [0, 1). Default: 0.95.
+    seed : int, SeedSequence, Generator or None
+        Draws the MDP and the values, as for ``draw_values``.
+    weights : {"dirichlet", "gaussian"}
+        How the transition probabilities are drawn. "dirichlet": from Dirichlet(1). "gaussian":
+        absolute values of standard normals, scaled to total 1, as in later papers on interactive
+        value iteration.
 
+    Returns
+    -------
+    mdp : OrdinalMDP
+        Its levels are called "level 1" (the worst), "level 2" and so on.
+    values : (k,)
+        The hidden values, as ``draw_values`` draws them.
+
+    Raises
+    ------
+    ValueError
+        If a number is out of range, or ``weights`` is another text.
+    TypeError
+        If the seed is something else, or both ``seed`` and ``rng`` are given.
+
+    Notes
+    -----
     Each (s, a) has ceil(log2 |S|) distinct successors (at least 1), a uniform sample of the states.
-    The paper leaves the rest open. Here the probabilities are Dirichlet(1), and the level of each
-    (s, a) is uniform over the scale. With ``weights="gaussian"`` the probabilities are absolute
-    values of standard normals, scaled to total 1, as in later papers on interactive value
-    iteration. Only the levels and values depend on ``n_levels``, so a series over it with the same
-    seed keeps its transitions. Raises ValueError.
+    The paper leaves the rest open. Here the level of each (s, a) is uniform over the scale. Only
+    the levels and values depend on ``n_levels``, so a series over it with the same seed keeps its
+    transitions.
     """
     _check("n_states", n_states, 1, 2**31 - 1)
     _check("n_actions", n_actions, 1, 2**31 - 1)

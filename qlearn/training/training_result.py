@@ -18,8 +18,17 @@ from qlearn.certificates.loss_bound import Guarantee
 class TrainedPolicy(NamedTuple):
     """A policy that was added to the training.
 
-    Its ``shares`` (k,) total 1. Their value under any scale is within ``error`` of the true one.
-    ``trained_on`` is the scale (k,) that the policy was trained on, or None.
+    Attributes
+    ----------
+    policy : object
+        The policy, as it was given.
+    shares : (k,)
+        Its shares, of total 1.
+    error : float
+        The value of the shares under any scale is within this of the true one, as a share of the
+        value range.
+    trained_on : (k,) or None
+        The scale that the policy was trained on, or None.
     """
 
     policy: Any
@@ -37,16 +46,28 @@ class TrainingResult:
     policy : object
         The best policy at the comparator's central scale, None before the first.
     shares : (k,)
-        The shares of ``policy``.
+        The shares of ``policy``, None before the first.
+    status : Status
+        Why the training stopped, or what it waits for.
     asked : int
         Number of questions answered, without audits.
     trained : int
         Number of policies trained on a scale that ``InteractiveTraining`` gave.
-    policies : tuple of TrainedPolicy
-        All policies that were added, in order.
     observed_gap : float
         A lower bound on how far some training fell short of its optimum: the most by which another
         policy is better, at the scale that was trained on.
+    policies : tuple of TrainedPolicy
+        All policies that were added, in order.
+    comparator : Comparator
+        The comparator with all answers that it learned.
+    answers : Answers
+        These answers.
+    audits : tuple of Audit
+        The decided comparisons that were put to the tutor all the same, with the answers.
+    cannot_tell : int
+        Number of questions that got no verdict.
+    guarantee : function
+        Computes ``loss_bound`` and ``confidence``.
     """
 
     policy: Any

@@ -6,10 +6,13 @@ import doctest
 import re
 import subprocess
 import sys
+from dataclasses import is_dataclass
+from enum import EnumType
 from importlib import import_module
-from inspect import ismodule
+from inspect import cleandoc, isfunction, ismodule, signature
 from pathlib import Path
 from pkgutil import resolve_name
+from typing import Any, is_typeddict
 
 import pytest
 
@@ -39,6 +42,99 @@ def test_every_public_name_is_in_the_reference_once_and_has_a_docstring(package)
     assert len(names) == len(set(names))
     for name in names:
         assert resolve_name(f"{package}.{name}").__doc__, name
+
+
+EXEMPT = {  # from naming parameters, each with its reason
+    "elicit.Comparator": "a protocol: it is not called",
+    "elicit.Tutor": "a protocol: it is not called",
+    "elicit.Verdict": "an enum: its members are listed",
+    "elicit.Tier": "an enum: its members are listed",
+    "elicit.Status": "an enum: its members are listed",
+    "qlearn.Status": "an enum: its members are listed",
+}
+
+
+@pytest.mark.parametrize("package", REFERENCE)
+def test_docstrings_of_the_reference_name_parameters_results_and_errors(package):
+    exempt, wrong = set(), {}
+    for name in documented(package):
+        thing = resolve_name(f"{package}.{name}")
+        if not callable(thing):  # a table or a tuple, which the page itself describes
+            continue
+        if getattr(thing, "_is_protocol", False) or issubclass(type(thing), EnumType):
+            exempt.add(f"{package}.{name}")
+        elif found := faults_of(thing):
+            wrong[name] = found
+    assert not wrong
+    assert exempt == {name for name in EXEMPT if name.startswith(f"{package}.")}
+
+
+def faults_of(thing: Any) -> list[str]:
+    """Return what the docstring of a function or a class lacks, or has too much."""
+    prose, sections = sections_of(thing)
+    given = names_in(sections.get("Parameters", "")) | names_in(sections.get(OTHER, ""))
+    faults, held, unknown = [], set(), set()
+    if isinstance(thing, type):
+        init = thing.__init__ if isfunction(thing.__init__) else None
+        given |= names_in(sections_of(init)[1].get("Parameters", "")) if init else set()
+        held = names_in(sections.get("Attributes", ""))
+        if is_dataclass(thing) or hasattr(thing, "_fields"):  # others set theirs when they are made
+            unknown = held - {*signature(thing).parameters} - {*dir(thing)}
+        if is_dataclass(thing):  # which may leave inherited fields to the class that it names
+            bases = [base for base in thing.__mro__[1:] if f"``{base.__name__}``" in thing.__doc__]
+            held = held.union(*(names_in(sections_of(base)[1]["Attributes"]) for base in bases))
+    elif signature(thing).return_annotation not in (None, "None") and not (
+        {"Returns", "Yields"} & sections.keys()
+    ):
+        faults.append("no section Returns")
+    wanted, optional = parameters_of(thing)
+    faults += [f"no word on {name}" for name in sorted(wanted - given - held)]
+    faults += [f"no parameter {name}" for name in sorted(given - wanted - optional)]
+    faults += [f"no attribute {name}" for name in sorted(unknown)]
+    faults += [f"an empty section {title}" for title, text in sections.items() if not text.strip()]
+    return faults + re.findall(r"\bRaises? \w+", prose)
+
+
+OTHER = "Other Parameters"
+HEADING = re.compile(r"^(\w[\w ]*)\n-{3,}$", re.MULTILINE)
+
+
+def sections_of(thing: Any) -> tuple[str, dict[str, str]]:
+    """Return the prose of a docstring above its sections, and the text of each section."""
+    prose, *rest = HEADING.split(cleandoc(thing.__doc__ or ""))
+    return prose, dict(zip(rest[::2], rest[1::2], strict=True))
+
+
+def names_in(section: str) -> set[str]:
+    """Return the names that a section of parameters is about: "a" and "b" of "a, b : int"."""
+    heads = re.findall(r"^(\S.*?)(?: :.*)?$", section, re.MULTILINE)
+    return {name.strip().lstrip("*") for head in heads for name in head.split(",")}
+
+
+def parameters_of(thing: Any) -> tuple[set[str], set[str]]:
+    """Return the parameters that a docstring must name, and others that it may name.
+
+    Common keywords, which are passed as ``**rest``, may be named one by one, or all at once as
+    "**rest".
+    """
+    if is_typeddict(thing):
+        return {*thing.__annotations__}, set()
+    called = thing
+    if isinstance(thing, type) and isfunction(thing.__init__):
+        called = thing.__init__
+    elif isinstance(thing, type) and issubclass(thing, BaseException):
+        return set(), set()  # it takes a message, as all do
+    wanted, optional = set(), set()
+    for name, parameter in signature(called).parameters.items():
+        common = re.match(r"Unpack\[(\w+)\]", str(parameter.annotation))
+        if parameter.kind is parameter.VAR_KEYWORD and common:
+            keys = {*getattr(sys.modules[thing.__module__], common[1]).__annotations__}
+            named = names_in(sections_of(thing)[1].get(OTHER, ""))
+            wanted |= keys if named else {name}
+            optional |= keys
+        elif name != "self":
+            wanted.add(name)
+    return wanted, optional
 
 
 @pytest.mark.parametrize("package", REFERENCE)

@@ -46,8 +46,14 @@ class ResultTable:
 class DataTable(NamedTuple):
     """A table to download, whose numbers stay numbers.
 
-    ``title`` is the one name that screens and files give it, such as "Plan". None is a cell without
-    a value.
+    Attributes
+    ----------
+    title : str
+        The one name that screens and files give the table, such as "Plan".
+    columns : tuple of str
+        The heads of the columns.
+    rows : tuple of tuple
+        The cells of each row: texts, numbers, or None for a cell without a value.
     """
 
     title: str
