@@ -83,6 +83,7 @@ def plot_loss(
 ) -> Figure:
     """Draw the paper's figure 4, its percentage of loss, next to losses that it does not show.
 
+    The percentage ignores which action the learner chose (``metrics.paper_loss``).
     Lines mark 1%, the paper's bound. ``tutors`` and ``measures`` are as for ``plot_asked``.
     """
     rows, figure, panels = _panels(
