@@ -12,8 +12,11 @@ many of its first cells as it takes, with commas: "2, box, 10%, % asked of open"
 tables have the line, `benchmarks/RESULTS.md#10,000 states` is the part under the heading that is or
 begins so; a heading with a colon is put in quotation marks. `~1` after the column rounds the number
 to one decimal, without its interval. The line `all lines` stands for the whole table, with the
-columns that are named. `{{qlearn log merge --help}}` is a table of the options of a command, made
-from its parser.
+columns that are named.
+
+Two references are not to cells. `{{qlearn log merge --help}}` is a table of the options of a
+command, made from its parser. `{{notebooks/data/figures.csv: figure 2, of all comparisons}}` is a
+table or a sentence on the runs of the paper's figures, which ``claim_tables`` writes.
 """
 
 from __future__ import annotations
@@ -33,6 +36,7 @@ BLOCK = re.compile(r"^<!-- begin (\S+) -->\n(.*?)^<!-- end \1 -->$", re.DOTALL |
 REFERENCE = re.compile(
     r'\{\{(\S+?\.md)(#"[^"]+"|#[^:{}]+)?: ([^{}]+?): ([^:{}~]+?)(?: ~(\d))?\}\}', re.DOTALL
 )
+RUNS = re.compile(r"\{\{(\S+?\.csv): ([^{}]+?)\}\}")
 COMMAND = re.compile(r"\{\{(qlearn(?: \w+)*) --help\}\}")
 NUMBER = re.compile(r"[-+]?\d[\d,]*(?:\.\d+)?")
 
@@ -65,9 +69,10 @@ def renewed(text: str, root: Path = ROOT) -> str:
 
 
 def filled(text: str, root: Path = ROOT) -> str:
-    """Return the text with the cells in place of its references to them.
+    """Return the text with cells, and the other parts, in place of its references to them.
 
-    Raises ValueError where a page has no such cell, or several that differ.
+    Raises ValueError where a page has no such cell, or several that differ, and where there is no
+    such part.
     """
 
     def found(match: re.Match[str]) -> str:
@@ -79,7 +84,15 @@ def filled(text: str, root: Path = ROOT) -> str:
         one = cell(there, name, line, column)
         return rounded(one, int(digits)) if digits else one
 
-    return COMMAND.sub(lambda match: command_options(match[1]), REFERENCE.sub(found, text))
+    text = RUNS.sub(lambda match: of_runs(root / match[1], match[2]), REFERENCE.sub(found, text))
+    return COMMAND.sub(lambda match: command_options(match[1]), text)
+
+
+def of_runs(runs: Path, name: str) -> str:
+    """Return a table or a sentence on the runs of the paper's figures: ``claim_tables.part``."""
+    from benchmarks.claim_tables import part
+
+    return part(runs, name)
 
 
 def command_options(command: str) -> str:
@@ -196,15 +209,15 @@ def renew() -> None:
 
 
 def renew_beside(written: Path) -> None:
-    """Renew all pages if this page, which was just written, is one that they quote from."""
+    """Renew all pages if this page or table, which was just written, is one that they quote."""
     if written.resolve() in {ROOT / page for page in sources()}:
         renew()
 
 
 def sources() -> set[str]:
-    """Return the pages of results, from the root, that the blocks refer to."""
-    texts = (path.read_text(encoding="utf-8") for path in BLOCKS.glob("*.md"))
-    return {match[1] for text in texts for match in REFERENCE.finditer(text)}
+    """Return the pages and tables of results, from the root, that the blocks refer to."""
+    texts = [path.read_text(encoding="utf-8") for path in BLOCKS.glob("*.md")]
+    return {match[1] for of in (REFERENCE, RUNS) for text in texts for match in of.finditer(text)}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

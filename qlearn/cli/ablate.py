@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from qlearn.cli.options import KEPT, add_command, add_preset, frame_of, write_csv
+from qlearn.cli.options import KEPT, LAPSE, add_command, add_preset, frame_of, write_csv
 from qlearn.experiments.catalogue import COMPARATORS
 from qlearn.experiments.settings import AblationSettings
 
@@ -19,6 +19,14 @@ QUICK: dict[str, Any] = {  # so small that ten seeds take seconds and tell the c
     "max_sweeps": 50, "max_queries": 150, "n_boot": 10, "refit_growth": 0.2, "particles": 200,
     "audit": 0.0,
 }  # fmt: skip
+TEXTS = {
+    "tutors": "further tutors, beside those of the error rates: person, who errs as people were "
+    "seen to (another one for each seed), or your own [none]",
+    "tie": "comparators assume that a tutor may call two things equal if they differ by at most "
+    "this share of the range [0 for the tutors of the error rates, 0.01 for person and your own]",
+    "exploration": "a named way of exploring, in place of epsilon [none]",
+    "lapse": LAPSE,
+}
 PAPER: dict[str, Any] = {"seeds": 20, "n_boot": 200, "refit_growth": 0.0}
 
 
@@ -34,7 +42,7 @@ def add_to(commands: Any) -> None:
         "and ablation.png. "
         "Runs.csv is the same for the same options on any number of processes. " + KEPT,
     )
-    presets = add_command(command, run, AblationSettings, QUICK, "results/ablation")
+    presets = add_command(command, run, AblationSettings, QUICK, "results/ablation", TEXTS)
     text = (
         "the paper's 1e5 steps and 20 runs; 200 resamples, fitted anew at every answer (takes many "
         "hours)"

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from qlearn.cli.options import KEPT, add_command, frame_of, write_csv
+from qlearn.cli.options import KEPT, LAPSE, add_command, frame_of, write_csv
 from qlearn.experiments.settings import FiguresSettings
 
 QUICK: dict[str, Any] = {
@@ -14,6 +14,12 @@ QUICK: dict[str, Any] = {
     "seeds": 3,
     "steps": 2000, "n_boot": 20, "particles": 200,
 }  # fmt: skip
+TEXTS = {
+    "comparators": "the polytope (its tutor never errs); the posterior; and the paper's "
+    "Bradley-Terry box: with each resample rescaled, which is one reading of the paper's footnote "
+    "3 (box-rescaled), and as it is (box)",
+    "lapse": LAPSE,
+}
 
 
 def add_to(commands: Any) -> None:
@@ -32,7 +38,7 @@ def add_to(commands: Any) -> None:
         "processes. There is no "
         "budget of questions. " + KEPT,
     )
-    add_command(command, run, FiguresSettings, QUICK, "results/figures")
+    add_command(command, run, FiguresSettings, QUICK, "results/figures", TEXTS)
 
 
 def run(settings: FiguresSettings, out: Path, **how: Any) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import BrokenExecutor
 from dataclasses import Field, fields
 from pathlib import Path
@@ -18,6 +18,7 @@ KEPT = (
     "computes what is "
     "missing."
 )
+LAPSE = "share of answers that the posterior takes to be given at random [it is learned]"
 EXTRAS = ("joblib", "matplotlib", "pandas", "tqdm")
 
 
@@ -31,13 +32,18 @@ def fail(why: str | BaseException) -> int:
 
 
 def add_command(
-    command: Any, run: Callable[..., int], settings: type[Settings], quick: Any, folder: str
+    command: Any,
+    run: Callable[..., int],
+    settings: type[Settings],
+    quick: Any,
+    folder: str,
+    texts: Mapping[str, str],
 ) -> Any:
     """Add a command's options to a parser; return its group of presets.
 
     The options are the folder to write to, the number of processes, whether to start over, and all
     settings in their groups. Settings that are not given are left out of the result. The group of
-    presets has ``--quick``.
+    presets has ``--quick``. ``texts`` are help texts that replace those of some settings.
     """
     command.set_defaults(command=run, settings=settings, preset={})
     command.add_argument(
@@ -64,13 +70,15 @@ def add_command(
         group = command.add_argument_group(title)
         for name in names:
             one = by_name[name]
-            default = one.default if isinstance(one.default, tuple) else (one.default,)
-            stated = " ".join(f"{x:g}" if isinstance(x, float) else str(x) for x in default)
-            text = f"{one.metadata['help']} [{stated}]".replace("%", "%%")
+            text = texts.get(name, one.metadata["help"])
+            if one.default not in (None, ()):  # of these two the text says what they mean
+                default = one.default if isinstance(one.default, tuple) else (one.default,)
+                stated = " ".join(f"{x:g}" if isinstance(x, float) else str(x) for x in default)
+                text += f" [{stated}]"
             group.add_argument(
                 f"--{name.replace('_', '-')}",
                 default=argparse.SUPPRESS,
-                help=text,
+                help=text.replace("%", "%%"),
                 **_keywords(one),
             )
     return presets

@@ -155,9 +155,9 @@ def add_to(commands: Any) -> None:
     command.add_argument(
         "--until",
         choices=("values", "settled"),
-        help="when the questions in the terminal end: once the range of every level is at "
-        "most 20 wide, of 100, or already once the result is settled. A page asks [values; for a "
-        "log that is gone on with, as before]",
+        help="when the questions in the terminal end: values, once the range of every level is at "
+        "most 20 wide, of 100; settled, already once the result is settled. With --web the page "
+        "lets the person choose [values; or, in a log with answers, what was chosen before]",
     )
     command.add_argument(
         "--audit",

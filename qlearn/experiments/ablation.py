@@ -297,7 +297,8 @@ def run_all(
     The last columns are nan without an oracle, and for audited runs, which are shorter than the
     oracle's:
 
-    - ``paper_loss_percent``: the paper's formula for figure 4, signed as printed.
+    - ``paper_loss_percent``: the paper's formula for figure 4, signed as printed. It ignores which
+      action the learner chose (``metrics.paper_loss``).
     - ``paper_abs_percent``: the same with |v(s) - V(s)|, which cannot cancel out.
     - ``excess_loss`` and ``excess_loss_initial``: the true policy loss beyond the oracle's, a share
       of the value range. For a user's own learner it is beyond the best policy's, which is 0.

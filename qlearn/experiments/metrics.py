@@ -205,6 +205,9 @@ def estimated_values(mdp: OrdinalMDP, q: Floats, values: ArrayLike) -> Floats:
 
     Q is the discounted counting vector, that is q (S, A, k) shares over 1 - discount. e are the
     hidden ``values`` (k,) as they are. Only admissible actions count.
+
+    Since the maximum is taken with the hidden scale, which the learner does not know, v does not
+    depend on the actions that the learner chose at the end.
     """
     e = np.asarray(values, dtype=np.float64)
     weighted = np.zeros(q.shape[:2])
@@ -227,8 +230,11 @@ def paper_loss(v: Floats, baseline: Floats | float, best: float) -> float:
 
     It is 100 sum_s (v(s) - V(s)) / (|S| max r). v (S,) and the baseline V (S,) are
     ``estimated_values`` with and without a preference model. ``best`` is the ``greatest_reward``;
-    the result is nan if that is 0. It compares the values that two runs estimate, not the values of
-    their policies (``planning.policy_loss``).
+    the result is nan if that is 0.
+
+    Both v and V take the best action by the hidden scale. So the formula ignores which action the
+    learner chose: a learner with a good Q that then takes the worst action everywhere would show no
+    loss. The loss of the policy itself is ``planning.policy_loss``.
     """
     return float(100 * np.mean(v - baseline) / best) if best else float("nan")
 

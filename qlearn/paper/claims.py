@@ -1,6 +1,10 @@
 """The paper's claims, tested on the rows of ``figures``, with intervals over runs.
 
 Each claim is tested for every comparator and tutor.
+
+The formula of figure 4 has a flaw: it takes the best action by the true scale, and so ignores which
+action the learner chose (``qlearn.experiments.metrics.paper_loss``). The true policy loss stands
+beside it.
 """
 
 from __future__ import annotations
@@ -122,7 +126,8 @@ def claims(frame: pd.DataFrame) -> pd.DataFrame:
     ``agreeing`` counts the seeds whose own slope has the same sign. ``answer`` is "holds" if the
     interval lies above 0, "does not hold" if below, else "inconclusive".
 
-    Figure 4 claims that the loss is below 1%. ``estimate`` is the mean loss over all sizes of a
+    Figure 4 claims that the loss is below 1%. Its formula ignores which action the learner chose
+    (``paper_loss``); the excess loss does not. ``estimate`` is the mean loss over all sizes of a
     seed, in percent. ``worst`` is the greatest distance from zero of an end of the interval at one
     size. ``answer`` is "holds" if ``worst`` is below 1, "does not hold" if the interval of some
     size lies beyond 1% on one side, else "inconclusive".

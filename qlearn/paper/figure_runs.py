@@ -2,11 +2,11 @@
 
 They are its two series of random MDPs, with the same seeds for all comparators.
 
-The paper does not say how precise its tutor was. So the paper's comparator (the box, with its
-footnote 3 and without) and the posterior meet tutors of several precisions, who err as in the
-paper's eq. (6). The polytope meets a tutor who never errs, because it takes every answer as a fact.
-The oracle, which always asks a truthful tutor, runs beside them. All runs of a seed see the same
-transitions (uniform exploration), so that they differ by verdicts alone.
+The paper does not say how precise its tutor was. So the paper's comparator (the box, as it is
+and with each resample rescaled) and the posterior meet tutors of several precisions, who err as in
+the paper's eq. (6). The polytope meets a tutor who never errs, because it takes every answer as a
+fact. The oracle, which always asks a truthful tutor, runs beside them. All runs of a seed see the
+same transitions (uniform exploration), so that they differ by verdicts alone.
 """
 
 from __future__ import annotations

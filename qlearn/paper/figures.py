@@ -97,7 +97,8 @@ def plot_loss(
 ) -> Figure:
     """Draw the paper's figure 4, its percentage of loss, next to losses that it does not show.
 
-    Lines mark 1%, the paper's bound.
+    The percentage ignores which action the learner chose (``metrics.paper_loss``). Lines mark 1%,
+    the paper's bound.
 
     Parameters
     ----------

@@ -9,7 +9,6 @@ import pytest
 from benchmarks import quotes
 from benchmarks.paper import assumptions, exploration, literal, paired_runs
 from benchmarks.paper.ablation_table import table
-from benchmarks.paper.figure_pages import with_rows, with_section
 from benchmarks.paper.paired_runs import Choice
 from benchmarks.quotes import table_rows
 from elicit import AlwaysAsk, TruthfulTutor
@@ -197,18 +196,3 @@ def test_the_rows_behind_the_ablation_notebook_are_paired():
         ]
         beside = of.loss.iloc[0] if row.learner != "policy-iteration" else 0.0  # it has no oracle
         assert row.excess == pytest.approx(100 * (row.loss - beside))
-
-
-def test_rows_take_the_place_of_those_with_the_same_claim():
-    page = "| claim | verdict |\n|---|---|\n| one | old |\n| one and more | old |\n"
-    assert with_rows(page, ["| one | new |"]) == page.replace("| one | old |", "| one | new |")
-    with pytest.raises(ValueError, match="must have one row that begins with"):
-        with_rows(page, ["| two | new |"])
-
-
-def test_a_section_takes_the_place_of_the_one_with_its_heading():
-    page = "# Page\n\n## One\n\nold\n\n### Part\n\nold\n\n## Two\n\nkept\n"
-    assert with_section(page, "## One\n\nnew\n\n") == "# Page\n\n## One\n\nnew\n\n## Two\n\nkept\n"
-    for heading in ("## Three", "## Two"):  # there is none, and there is none after it
-        with pytest.raises(ValueError, match=f"must have the heading '{heading}'"):
-            with_section(page, f"{heading}\n\nnew\n\n")

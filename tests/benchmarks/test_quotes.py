@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from benchmarks import quotes
-from benchmarks.paper.figure_pages import DOMINANCE, FEWER
 from qlearn.cli.main import parser
 
 ROOT = quotes.ROOT
@@ -157,7 +156,9 @@ def test_every_text_of_a_block_is_used_and_every_reference_in_it_is_read():
     assert len(texts) > 5
     assert {*used} == texts.keys()
     for name, text in texts.items():
-        left = quotes.COMMAND.sub("", quotes.REFERENCE.sub("", text))
+        left = text
+        for reference in (quotes.REFERENCE, quotes.RUNS, quotes.COMMAND):
+            left = reference.sub("", left)
         assert left != text, name
         assert "{{" not in left, name
 
@@ -171,9 +172,6 @@ def test_there_is_no_other_comment_in_the_pages():
 WRITTEN = re.compile(r"[Ww]ritten by `|^Made ", re.MULTILINE)  # a page of results, by a command
 EXACT = re.compile(r"\d[\d.,]* ± \d[\d.]*\d|\d[\d.,]* ± \d|\[\d[\d.]*, \d[\d.]*\]")
 LINK = re.compile(r"\]\((?!https?:)([^)#\s]+\.md)")
-OF_RUNS = tuple(
-    f"| {claim} |" for claim in (DOMINANCE, FEWER)
-)  # tests/whole/test_paper.py has them
 
 
 def test_an_interval_in_prose_stands_on_a_page_that_its_page_links():
@@ -190,7 +188,6 @@ def test_an_interval_in_prose_stands_on_a_page_that_its_page_links():
         behind = "\n".join(
             (page.parent / to).read_text(encoding="utf-8") for to in set(LINK.findall(whole))
         )
-        text = "".join(line for line in text.splitlines(True) if not line.startswith(OF_RUNS))
         numbers = EXACT.findall(text)
         assert not {number for number in numbers if number not in behind}, page
 

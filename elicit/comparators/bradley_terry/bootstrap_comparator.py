@@ -99,7 +99,8 @@ class BradleyTerryComparator:
     monotone : bool
         Keep gamma >= 0. False: the paper's literal fit.
     rescale : bool
-        Divide the theta of each resample by its theta_k first (footnote 3).
+        Divide the theta of each resample by its theta_k first. This is one reading of the paper's
+        footnote 3; by the other one, all are divided by one number, which changes no verdict.
     refit_growth : float
         Fits are made only at r_0 = 1, r_{i+1} = max(r_i + 1, ceil(r_i (1 + refit_growth))) answers.
         In between, the last fit stays in use. 0: a fit at every answer.

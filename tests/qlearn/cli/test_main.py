@@ -1,6 +1,7 @@
 """The command line, from outside."""
 
 import builtins
+import re
 from concurrent.futures import BrokenExecutor
 from dataclasses import fields
 from importlib.metadata import version
@@ -12,6 +13,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from qlearn import ablation
+from qlearn.cli import ablate, figures
 from qlearn.cli import main as cli
 from qlearn.experiments.ablation import KEYS
 from qlearn.experiments.settings import AblationSettings, FiguresSettings, Settings
@@ -20,10 +22,14 @@ from tests.interpreter import ROOT, run
 
 
 @pytest.mark.parametrize(
-    ("command", "settings"), [("ablate", AblationSettings), ("figures", FiguresSettings)]
+    ("command", "settings", "texts"),
+    [("ablate", AblationSettings, ablate.TEXTS), ("figures", FiguresSettings, figures.TEXTS)],
 )
 def test_the_help_says_every_option_with_its_default(
-    command: str, settings: type[Settings], capsys: pytest.CaptureFixture[str]
+    command: str,
+    settings: type[Settings],
+    texts: dict[str, str],
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     with pytest.raises(SystemExit):
         cli.main([command, "--help"])
@@ -31,13 +37,19 @@ def test_the_help_says_every_option_with_its_default(
     said = {one.name: one for one in fields(settings)}
     names = [name for group in settings.GROUPS.values() for name in group]
     assert len(names) == len({*names}) == {"ablate": len(said), "figures": 19}[command]
+    assert {*texts} <= {*names}
+    assert not {"[None]", "[]"} & {*re.findall(r"\[\w*\]", shown)}
     for name in names:
         default = said[name].default
-        stated = [
-            f"{x:g}" if isinstance(x, float) else str(x)
-            for x in (default if isinstance(default, tuple) else [default])
-        ]
-        text = said[name].metadata["help"] + f"[{''.join(stated)}]"
+        text = texts.get(name, said[name].metadata["help"])
+        if default in (None, ()):
+            assert text.endswith("]"), name  # in words
+        else:
+            stated = [
+                f"{x:g}" if isinstance(x, float) else str(x)
+                for x in (default if isinstance(default, tuple) else [default])
+            ]
+            text += f"[{''.join(stated)}]"
         assert f"--{name.replace('_', '-')}" in shown
         assert "".join(text.split()) in shown
 

@@ -1111,8 +1111,8 @@ def test_a_uniform_prior_is_too_sure_on_skewed_scales_and_the_default_is_not() -
 
 @pytest.mark.slow
 def test_it_decides_far_more_than_the_box() -> None:
-    """At 20 levels and 400 answers of logit sd 2: the paper's literal fit, with footnote 3, and
-    ours with order.
+    """At 20 levels and 400 answers of logit sd 2: the paper's literal fit, each resample
+    rescaled, and ours with order.
     """
     shares = np.zeros(3)
     for i in range(6):
