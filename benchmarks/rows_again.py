@@ -44,7 +44,7 @@ from benchmarks.learning.learning_runs import Setting
 from benchmarks.learning.learning_tables import Kind, described
 from benchmarks.paper import ablation_table, assumptions, exploration, literal
 from benchmarks.paper.paired_runs import Choice, measure_all
-from benchmarks.people import answers_of_people, gains, kinds_of_question, panel, promise
+from benchmarks.people import answers_of_people, gains, kinds_of_question, panel, promise, raters
 from benchmarks.people.repeats import of_logs
 from benchmarks.posteriors import preference_posteriors
 from benchmarks.quotes import table_rows
@@ -396,6 +396,13 @@ def asked_of_each_kind(text: str) -> Iterator[str | Cells]:
     yield [*kinds_of_question.row("career", kinds_of_question.PLAIN, runs, runs)]
 
 
+def taken_for_one(text: str) -> Iterator[str | Cells]:
+    """The fewest answers, without raters."""
+    count = int(re.search(r"over (\d+) draws", text)[1])
+    changes = raters.changes(count, raters.EACH[0], raters=False)
+    yield [str(raters.EACH[0]), with_interval(changes, 1), None, None]
+
+
 def as_many_questions(text: str) -> Iterator[str | Cells]:
     """Policy comparisons with three objectives."""
     count = int(re.search(r"(\d+) seeds from", text)[1])
@@ -487,6 +494,7 @@ SAMPLES = (
     Sample("RESULTS-people-before", judged_beside_repeats),
     Sample("RESULTS-promise", promised),
     Sample("RESULTS-panel", asked_together),
+    Sample("RESULTS-raters", taken_for_one),
     Sample("RESULTS-families", by_every_rule),
     Sample("RESULTS-kinds", asked_of_each_kind),
     Sample("RESULTS", learned),

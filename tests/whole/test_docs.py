@@ -17,7 +17,7 @@ PAGES = [
     page for page in sorted(DOCS.glob("*.md")) if "```python" in page.read_text(encoding="utf-8")
 ]
 assert PAGES
-COSTLY = {"before-you-ask", "families", "panel", "people"}  # whole runs, fits to each person
+COSTLY = {"before-you-ask", "families", "panel"}  # whole runs, fits to each person
 LONG = {"medical-scales": "counts = []"}  # a part of it, by some of its words
 EACH = """
 import contextlib, io, json, traceback
