@@ -161,8 +161,12 @@ class NotebookParser(MystParser):
 
 
 def as_markdown(notebook: dict[str, Any]) -> str:
-    """A notebook as one page of Markdown. The text before a picture stands in for it (alt)."""
+    """A notebook as one page of Markdown. The text before a picture stands in for it (alt).
+
+    For the picture that the opening shows, this is the opening's own text for it.
+    """
     parts, before = [], ""
+    opening = _ATTACHED.search("".join(notebook["cells"][0]["source"]))
     for cell in notebook["cells"]:
         source = "".join(cell["source"])
         if cell["cell_type"] == "markdown":
@@ -171,7 +175,9 @@ def as_markdown(notebook: dict[str, Any]) -> str:
             parts.append(_ATTACHED.sub(partial(_attached, cell), text))
         elif source:
             parts.append(f"```python\n{source}\n```")
-            shown = (_shown(output, before) for output in cell["outputs"])
+            tags = cell["metadata"].get("tags", ())
+            alt = opening[1] if opening and "picture" in tags else before
+            shown = (_shown(output, alt) for output in cell["outputs"])
             parts += [each for each in shown if each]
     return "\n\n".join(parts)
 
@@ -207,16 +213,18 @@ def _described(text: str) -> str:
         if said and len(f"{said} {sentence}") > _LONGEST:
             break
         said = f"{said} {sentence}".strip()
-    heading = re.sub(r"^[#\d. ]+", "", headings[-1]).rstrip(".?!") if headings else ""
-    return f"{heading}. {said}" if heading else said
+    if not headings:
+        return said
+    heading = re.sub(r"^#+ (\d+\. )?", "", headings[-1])
+    return f"{heading}{'' if heading.endswith(('.', '?', '!')) else '.'} {said}"
 
 
-def _shown(output: dict[str, Any], before: str) -> str:
+def _shown(output: dict[str, Any], alt: str) -> str:
     """An output of a cell as Markdown: a picture or a table before plain text."""
     data = {kind: "".join(value) for kind, value in output.get("data", {}).items()}
     data.setdefault("text/plain", "".join(output.get("text", "")))
     if "image/png" in data:
-        return _picture(data["image/png"], before)
+        return _picture(data["image/png"], alt)
     if "text/html" in data:  # a blank line would end it
         return "\n".join(line for line in data["text/html"].splitlines() if line.strip())
     if "text/markdown" in data:
