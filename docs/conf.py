@@ -7,6 +7,8 @@ Docstrings are plain text with ``code``, and parameters in numpydoc's sections o
 
 import json
 import re
+from functools import partial
+from html import escape
 from importlib.metadata import version as version_of
 from typing import Any
 
@@ -155,18 +157,34 @@ class NotebookParser(MystParser):
     supported = ("notebook",)
 
     def parse(self, inputstring: str, document: Any) -> None:
-        parts = []
-        for cell in json.loads(inputstring)["cells"]:
-            source = "".join(cell["source"])
-            if cell["cell_type"] == "markdown":
-                parts.append(_MATH.sub(_as_code, source))
-            elif source:
-                parts.append(f"```python\n{source}\n```")
-                parts += [shown for shown in map(_shown, cell["outputs"]) if shown]
-        super().parse("\n\n".join(parts), document)
+        super().parse(as_markdown(json.loads(inputstring)), document)
+
+
+def as_markdown(notebook: dict[str, Any]) -> str:
+    """A notebook as one page of Markdown. The text before a picture stands in for it (alt).
+
+    For the picture that the opening shows, this is the opening's own text for it.
+    """
+    parts, before = [], ""
+    opening = _ATTACHED.search("".join(notebook["cells"][0]["source"]))
+    for cell in notebook["cells"]:
+        source = "".join(cell["source"])
+        if cell["cell_type"] == "markdown":
+            before = _described(source)
+            text = _MATH.sub(_as_code, source)
+            parts.append(_ATTACHED.sub(partial(_attached, cell), text))
+        elif source:
+            parts.append(f"```python\n{source}\n```")
+            tags = cell["metadata"].get("tags", ())
+            alt = opening[1] if opening and "picture" in tags else before
+            shown = (_shown(output, alt) for output in cell["outputs"])
+            parts += [each for each in shown if each]
+    return "\n\n".join(parts)
 
 
 _MATH = re.compile(r"\$\$?([^$]+?)\$\$?")
+_ATTACHED = re.compile(r"!\[([^\]]*)\]\(attachment:([^)]+)\)")
+_LONGEST = 300  # characters of the text that stands in for a picture
 
 
 def _as_code(formula: re.Match[str]) -> str:
@@ -175,13 +193,38 @@ def _as_code(formula: re.Match[str]) -> str:
     return f"`{text}`"
 
 
-def _shown(output: dict[str, Any]) -> str:
+def _attached(cell: dict[str, Any], found: re.Match[str]) -> str:
+    """A picture that is attached to a cell of text."""
+    return _picture(cell["attachments"][found[2]]["image/png"], found[1])
+
+
+def _picture(data: str, alt: str) -> str:
+    code = data.replace("\n", "")
+    return f'<p><img alt="{escape(alt)}" src="data:image/png;base64,{code}"></p>'
+
+
+def _described(text: str) -> str:
+    """The heading of a text and the beginning of its last paragraph, as plain text."""
+    *others, last = re.split(r"\n\s*\n", text.strip())
+    headings = [part for part in others if part.startswith("#")]
+    plain = re.sub(r"!?\[([^\]]*)\]\([^)]*\)|[*`$#]|^- ", r"\1", last, flags=re.MULTILINE)
+    said = ""
+    for sentence in re.split(r"(?<=[.:?!])\s+", re.sub(r"\s+", " ", plain)):
+        if said and len(f"{said} {sentence}") > _LONGEST:
+            break
+        said = f"{said} {sentence}".strip()
+    if not headings:
+        return said
+    heading = re.sub(r"^#+ (\d+\. )?", "", headings[-1])
+    return f"{heading}{'' if heading.endswith(('.', '?', '!')) else '.'} {said}"
+
+
+def _shown(output: dict[str, Any], alt: str) -> str:
     """An output of a cell as Markdown: a picture or a table before plain text."""
     data = {kind: "".join(value) for kind, value in output.get("data", {}).items()}
     data.setdefault("text/plain", "".join(output.get("text", "")))
     if "image/png" in data:
-        picture = data["image/png"].replace("\n", "")
-        return f'<p><img alt="what the cell draws" src="data:image/png;base64,{picture}"></p>'
+        return _picture(data["image/png"], alt)
     if "text/html" in data:  # a blank line would end it
         return "\n".join(line for line in data["text/html"].splitlines() if line.strip())
     if "text/markdown" in data:

@@ -6,7 +6,8 @@
 
 A notebook reads its setting from the environment variable NOTEBOOK_SETTING. It is written back only if every cell
 ran without an error, and as the same bytes where nothing has changed on the same day: no times, no names of machines or
-kernels. Its stamp (``benchmarks.stamps``) is in its metadata.
+kernels. Its stamp (``benchmarks.stamps``) is in its metadata. The picture of the cell that is tagged "picture" is also
+attached to the first cell, which shows it below question and answer.
 """
 
 from __future__ import annotations
@@ -33,6 +34,8 @@ from benchmarks import stamps
 
 HERE = Path(__file__).resolve().parent
 SETTINGS = ("small", "full")
+PICTURE = "picture"  # the tag of the cell whose picture opens the notebook
+_ATTACHED = f"{PICTURE}.png"  # the name by which the first cell shows it
 _TIMEOUT = 600  # seconds a cell
 _COMPILING = re.compile(r"(elicit: (compiling, once on this machine: .*|compiled, in \d+ s)\n)+")
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -67,7 +70,16 @@ def execute(notebook: NotebookNode, setting: str, folder: Path) -> NotebookNode:
             resources={"metadata": {"path": str(folder)}},
         )
         client.execute(env=_environment(setting, Path(scratch)), cleanup_kc=True)
-    return clean(notebook, setting)
+    return clean(with_picture(notebook), setting)
+
+
+def with_picture(notebook: NotebookNode) -> NotebookNode:
+    """Attach the picture of the tagged cell, if there is one, to the first cell."""
+    for cell in notebook.cells:
+        if PICTURE in cell.metadata.get("tags", ()):
+            drawn = [output.data["image/png"] for output in cell.outputs if "image/png" in output.get("data", {})]
+            notebook.cells[0].attachments = {_ATTACHED: {"image/png": drawn[0]}}
+    return notebook
 
 
 def clean(notebook: NotebookNode, setting: str) -> NotebookNode:

@@ -71,10 +71,9 @@ then "equal" means equal, to one part in 10^9.
   ten pairs equal [the bound held](../benchmarks/RESULTS-promise.md) (86 to 99.9%). Since these are few, `print(result)` still
   warns if three answers in ten or more are "equal", and at least three (`Result.tie_warning`).
 - **What the likelihoods promise.** The posterior's 95% is a promise on average over its prior, and answers are "equal" by Rao and
-  Kupper's law, or in one lapse of a hundred. If the last line of this page is of before 27 November 2026, its tables of the posterior are of an older law:
-  the width was at most twice the tie, and a third of the lapses said "equal". With that law, the bound of policy iteration held less often
-  if a tutor's "equal" reached as far as twice the tie. The rows "equal within 0" and the tables of the polytope do not depend on this law. The resamples of a Bradley-Terry fit all have the same
-  answers "equal", and so do not show what these leave open. The fit's guarantees then have a confidence of nan.
+  Kupper's law, or in one lapse of a hundred. The rows "equal within 0" and the tables of the polytope do not depend on this law. The
+  resamples of a Bradley-Terry fit all have the same answers "equal", and so do not show what these leave open. The fit's guarantees then
+  have a confidence of nan.
 
 Questions about simple bags (`bags=`) can tell apart what questions about single actions cannot: the differences that are left open
 between two actions are often smaller than any tie.

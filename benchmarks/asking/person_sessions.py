@@ -76,7 +76,7 @@ IN_BROWSER = (
 HEAD = (
     "comparator",
     "tolerance",
-    "turned round",
+    "flipped",
     "equal within",
     "runs",
     "asked nothing",
@@ -90,11 +90,11 @@ _GOES_ON = {  # the button of each other stage
     "conflict": "[data-keep]",
     "offer": ".options .alt:has-text('Go on')",
 }
-HEAD_END = ("bound, at most", "loss, at most", "bound broken")
+HEAD_END = ("bound, at most", "loss, at most", "bound violated")
 WAITS = (
     "comparator",
     "tolerance",
-    "turned round",
+    "flipped",
     "address s",
     "first question s",
     "questions",

@@ -155,8 +155,8 @@ def report(levels: Sequence[int], problems: Sequence[int], **how: Any) -> Iterat
         "# Allowing for wrong answers",
         "",
         "`PolytopeComparator(k, wrong=m)` proves what holds if at most m of the answers are "
-        "wrong. This page is for "
-        "whoever wonders how many more questions that takes, and what happens if more answers "
+        "wrong. This page says "
+        "how many more questions that takes, and what happens if more answers "
         "are wrong.",
         "",
         f"`python -m benchmarks.asking.wrong_answers {given}`. {machine()}",

@@ -389,12 +389,12 @@ def _wins(
             "faster, all answers",
             "one more answer, ratio")  # fmt: skip
     return [
-        "Better than `PosteriorComparator` at foretelling held-out answers, beyond the interval: "
+        "Better than `PosteriorComparator` at predicting held-out answers, beyond the interval: "
         f"{_listed(better)}. "
         "With intervals for the chance of an answer that hold the truth more often: "
         f"{_listed(safer)}.",
         "",
-        "The others beside it, problem by problem, the best at foretelling first: what they lose "
+        "The others beside it, problem by problem, the best at predicting first: what they lose "
         "more, in thousandths "
         "of a nat (less than 0: they are better); how much more often their intervals for the "
         "chance hold the truth; "

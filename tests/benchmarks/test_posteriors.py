@@ -111,7 +111,7 @@ def test_the_page_says_who_is_better_first_and_what_is_left_out(tmp_path, monkey
     bench.main(["--quick", "--out", str(tmp_path / "page.md")])
     text = (tmp_path / "page.md").read_text()
     assert "botorch is not installed: its rows are left out" in text
-    assert text.index("foretelling held-out answers") < text.index("## a tutor")
+    assert text.index("predicting held-out answers") < text.index("## a tutor")
     rows = table_rows(text)
     assert [row[0] for row in rows] == [
         "method", "Hamiltonian, same posterior", "method", "PosteriorComparator", "Hamiltonian, "

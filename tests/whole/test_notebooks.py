@@ -7,9 +7,11 @@ import ast
 import json
 import os
 import re
+import runpy
 import shutil
 import sys
 import tempfile
+from functools import cache
 from pathlib import Path
 from pkgutil import resolve_name
 
@@ -18,7 +20,7 @@ import nbformat
 import pandas as pd
 import pytest
 from nbclient.exceptions import CellExecutionError
-from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
+from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
 
 from benchmarks import stamps
 from elicit import plot
@@ -146,6 +148,21 @@ def test_a_full_run_says_what_is_committed(path, tmp_path):
     again = execute.execute(execute.read(path), "full", tmp_path)
     assert said(again) == said(notebook)
     assert again.metadata.executed.code == notebook.metadata.executed.code
+
+
+def test_the_picture_of_the_tagged_cell_is_attached_to_the_first_cell():
+    notebook = notebook_of("1", "2")
+    for cell, picture in zip(code_cells(notebook), ("one", "two"), strict=True):
+        cell.outputs = [
+            new_output("stream", text="drawn"),
+            new_output("display_data", {"image/png": picture}),
+        ]
+    assert "attachments" not in execute.with_picture(notebook).cells[0]
+    notebook.cells[2].metadata["tags"] = [execute.PICTURE]
+    assert execute.with_picture(notebook).cells[0].attachments == {
+        "picture.png": {"image/png": "two"}
+    }
+    nbformat.validate(notebook)
 
 
 def test_it_runs_this_interpreter_whatever_kernels_there_are_and_touches_no_home(
@@ -321,14 +338,49 @@ def test_it_opens_with_question_answer_and_picture_and_the_answers_numbers_are_i
         "Answer",
         "Picture",
     ]
-    told = [part for part in opening.split("\n\n") if part.startswith("**")]
-    assert sum(len(part.splitlines()) for part in told) <= 5
+    _title, *told, picture = opening.split("\n\n")[:5]
+    lines = "\n".join(told).splitlines()
+    assert len(lines) <= 5
+    assert max(map(len, lines)) <= 120
+    alt, attached = re.fullmatch(r"!\[(.+)\]\(attachment:(.+)\)", picture).groups()
+    assert len(alt) > 40
+    drawn = [
+        cell for cell in code_cells(notebook) if execute.PICTURE in cell.metadata.get("tags", ())
+    ]
+    assert len(drawn) == 1
+    pictures = [output.get("data", {}).get("image/png") for output in drawn[0].outputs]
+    assert notebook.cells[0].attachments[attached]["image/png"] in pictures
     answer = opening.split("**Answer.**")[1].split("**Picture.**")[0]
     answer = re.sub(r"\([^)]* \d{4}\)|`[^`]*`", "", answer)  # but for references and names
     shown = re.sub(r"<[^>]*>", " ", json.dumps(said(notebook)))
     for number, percent in re.findall(NUMBER, answer):
         code = "" if percent or "." in number else "\n".join(c.source for c in code_cells(notebook))
         assert is_there(number, shown + code), number
+
+
+def test_the_first_one_has_at_most_sixty_lines_of_code():
+    """README, its opening and other pages say so."""
+    cells = code_cells(execute.read(execute.HERE / "00_your_first_policy.ipynb"))
+    lines = [line for cell in cells for line in cell.source.splitlines() if line.strip()]
+    assert 50 < len(lines) <= 60
+
+
+@cache
+def configuration():
+    """Return what the site's configuration defines."""
+    return runpy.run_path(str(REFERENCE.parent / "conf.py"))
+
+
+@each_notebook
+def test_the_site_shows_the_picture_before_any_code_and_says_what_each_picture_shows(path):
+    pytest.importorskip("myst_parser")
+    page = configuration()["as_markdown"](json.loads(path.read_text(encoding="utf-8")))
+    places = [found.start() for found in re.finditer("<p><img ", page)]
+    alts = re.findall(r'<p><img alt="([^"]*)" src="data:image/png;base64,', page)
+    assert len(alts) == len(places) > 1
+    assert places[0] < page.index("```python")
+    assert min(map(len, alts)) > 20
+    assert "attachment:" not in page
 
 
 NUMBER = r"(\d+(?:,\d{3})*(?:\.\d+)?)(%?)"

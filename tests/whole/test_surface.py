@@ -3,6 +3,7 @@
 import ast
 import inspect
 import io
+import json
 import pkgutil
 import re
 import tokenize
@@ -163,10 +164,13 @@ def test_no_two_classes_share_a_name():
 
 def test_the_glossary_has_a_sentence_for_each_word_and_names_that_are_in_the_code():
     text = (DOCS / "glossary.md").read_text(encoding="utf-8")
-    entries = re.findall(r"^- \*\*([^*]+)\*\*(.*?)(?=\n- |\n\n)", text, re.MULTILINE | re.DOTALL)
-    words = [word for word, _ in entries]
-    assert len(words) > 50
-    assert words == sorted(set(words), key=str.lower)
+    pattern = re.compile(r"^- \*\*([^*]+)\*\*(.*?)(?=\n- |\n\n)", re.MULTILINE | re.DOTALL)
+    sections = [pattern.findall(section) for section in text.split("\n## ")]
+    for section in sections:
+        words = [word for word, _ in section]
+        assert words == sorted(words, key=str.lower)
+    entries = [entry for section in sections for entry in section]
+    assert len({word for word, _ in entries}) == len(entries) > 50
     for word, sentence in entries:
         assert sentence.endswith("."), word
         assert not re.search(r"\. [A-Z]", sentence), word
@@ -220,6 +224,15 @@ PRIVATE_IN_PROSE = re.compile(  # these are also names in code, or mean somethin
 MADE = {"about-equal.md", "assumptions.md", "claims.md", "exploration.md", "literal.md"}
 
 
+def read(path):
+    """Return the text of a file, of a notebook only the cells of text."""
+    text = path.read_text(encoding="utf-8")
+    if path.suffix != ".ipynb":
+        return text
+    cells = json.loads(text)["cells"]
+    return "\n\n".join("".join(c["source"]) for c in cells if c["cell_type"] == "markdown")
+
+
 def prose(path, text):
     """Return the text of a page without its code, or the docstrings and comments of a module."""
     if path.suffix != ".py":
@@ -237,14 +250,16 @@ def test_the_docs_and_the_code_use_the_words_of_the_glossary():
     """All but pages that commands make, and names of their rows."""
     root, found = DOCS.parent, []
     pages = [*DOCS.rglob("*.md"), root / "README.md", root / "CONTRIBUTING.md"]
+    notebooks = [*(root / "notebooks").glob("*.ipynb")]
     code = [*(root / "elicit").rglob("*.py"), *(root / "qlearn").rglob("*.py")]
-    for path in [*pages, *code]:
+    for path in [*pages, *notebooks, *code]:
         place = path.relative_to(root).as_posix()
         made = path.name in MADE or path.name == "glossary.md"
         if made:
             continue
-        text = re.sub(r"<!--.*?-->", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+        text = re.sub(r"<!--.*?-->", "", read(path), flags=re.DOTALL)
         found += [(place, match[0]) for match in PRIVATE.finditer(text)]
         found += [(place, match[0]) for match in PRIVATE_IN_PROSE.finditer(prose(path, text))]
     assert len(pages) > 15
+    assert len(notebooks) > 10
     assert not found
