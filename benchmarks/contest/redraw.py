@@ -32,19 +32,20 @@ COMPARED = (3, 5, 10, 30)
 EXPECTED = "expected utility (EVOI, EUBO)"
 BESIDE_FEW = (EXPECTED, OURS, RANDOM)
 BANDED = 0.16  # opacity of a band
-DRAWN = {  # in the picture: a colour, a style of line, and whether there is a band
-    PROVEN: (COMPARATORS["polytope"].color, "-", True),
-    OURS: (COMPARATORS["posterior"].color, "-", True),
-    EXPECTED: ("goldenrod", "-", True),
-    RANDOM: (LOOKS["random questions"]["color"], "-", True),
-    "minimax regret: current solution": ("tab:blue", "-", False),
-    "polyhedral (Toubia)": ("tab:green", "-", False),
-    "IDRL": ("tab:purple", "--", False),
-    "APReL: mutual information": ("#E7298A", "--", False),
-    "Gaussian process (Zintgraf)": ("tab:olive", "--", False),
-    "policy comparisons (Shao)": ("tab:brown", ":", False),
-    "bisection of each level": ("tab:cyan", ":", False),
+DRAWN = {  # in the picture: a colour, a marker, a style of line, and whether there is a band
+    PROVEN: (COMPARATORS["polytope"].color, COMPARATORS["polytope"].marker, "-", True),
+    OURS: (COMPARATORS["posterior"].color, COMPARATORS["posterior"].marker, "-", True),
+    EXPECTED: ("#E3A500", "1", "-", True),
+    RANDOM: (LOOKS["random questions"]["color"], LOOKS["random questions"]["marker"], "-", True),
+    "minimax regret: current solution": ("#708090", "2", "-", False),
+    "polyhedral (Toubia)": ("#9ACD32", "3", "-", False),
+    "IDRL": ("#9467BD", "4", "--", False),
+    "APReL: mutual information": ("#E7298A", "+", "--", False),
+    "Gaussian process (Zintgraf)": ("#A0926B", "|", "--", False),
+    "policy comparisons (Shao)": ("#C49C94", ".", ":", False),
+    "bisection of each level": ("#17BECF", "_", ":", False),
 }
+APART = 5  # answers between two markers of a line
 BARS = (5, 10, 20)
 """Answers after which a line without a band has a bar, its 95% interval."""
 
@@ -491,12 +492,21 @@ def draw(frame: pd.DataFrame, path: Path) -> None:
 
 def _draw_line(ax: Any, method: str, losses: Floats, aside: float) -> None:
     """Draw one mean, and its 95% band or some bars, which stand aside of each other."""
-    colour, style, banded = DRAWN[method]
+    colour, marker, style, banded = DRAWN[method]
     mean, n = losses.mean(axis=0), np.arange(losses.shape[1])
     half = stats.t.ppf(0.975, len(losses) - 1) * stats.sem(losses, axis=0)
     low, high = (np.maximum(each, FLOOR / 10) for each in (mean - half, mean + half))
     wide = 2.4 if method.startswith("ours") else 1.3
-    ax.plot(n, np.maximum(mean, FLOOR / 10), style, color=colour, label=method, linewidth=wide)
+    ax.plot(
+        n,
+        np.maximum(mean, FLOOR / 10),
+        style,
+        color=colour,
+        marker=marker,
+        markevery=(APART, APART),
+        label=method,
+        linewidth=wide,
+    )
     if banded:
         ax.fill_between(n, low, high, color=colour, alpha=BANDED, linewidth=0)
     else:
