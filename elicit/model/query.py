@@ -590,9 +590,9 @@ def match(answers: Sequence[Answer], pending: Sequence[Query]) -> tuple[Answer, 
         if not isinstance(answer, Answer):
             raise TypeError(
                 f"{answer!r} is no answer: give elicit.Answer(query, verdict), or "
-                "elicit.Answer(query, None) if the tutor cannot tell. Only a function that answers "
-                "in qlearn.solve or drive may also return 1 (left is better), -1 (right is) or 0 "
-                "(equal)"
+                "elicit.Answer(query, None) if the tutor cannot tell. A function given to "
+                "qlearn.solve or drive may return 1 (left is better), -1 (right is) or 0 (equal): "
+                "1 if left > right else -1 if left < right else 0"
             )
         name = answer.query.id
         if name in seen:

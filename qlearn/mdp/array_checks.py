@@ -282,7 +282,8 @@ def distributions(
         row = f"{name}[{', '.join(map(str, named))}]" if index else name
         raise ValueError(
             f"{row} sums to {float(total[index])!r}, not 1: "
-            "divide it by its sum if this is only rounding, by 100 if these are percent"
+            "correct the wrong entry, or divide by the sum if this is only rounding, by 100 if "
+            "these are percent"
             f"{words(index) if words else ''}"
         )
     if not (off > _ROUNDING).any():
