@@ -575,8 +575,8 @@ class Session(Closing):
         Returns
         -------
         function
-            It takes nothing, and returns a named tuple. ``asker`` knows these answers. ``of`` of
-            them have a verdict, and the asker uses ``used`` of those.
+            It takes nothing, and returns a named tuple. Its ``asker`` knows these answers, ``of``
+            counts those that have a verdict, and ``used`` those among them that the asker uses.
 
         Raises
         ------
