@@ -75,7 +75,21 @@ class Bags:
     def questions(self, k: int) -> BagQuestions:
         """Return all bag questions about k levels, those with few and round numbers first.
 
-        Raises ValueError if there are more than ``MOST_QUESTIONS``.
+        Parameters
+        ----------
+        k : int
+            Number of levels, at least 2.
+
+        Returns
+        -------
+        BagQuestions
+            The arrays ``left`` (n, k) and ``right`` (n, k), in whole days, and ``ease`` (n,), which
+            lies in (0, 1], with 1 for the easiest. They are read-only.
+
+        Raises
+        ------
+        ValueError
+            If k < 2, or there are more than ``MOST_QUESTIONS``.
         """
         k, days = check_levels(k), int(self.days)
         count = comb(k, 3) * (days - 1)
@@ -93,14 +107,34 @@ class Bags:
     def best(
         self, draws: Draws, about: ArrayLike, lapse: float = 0.0, skip: Sequence[int] = ()
     ) -> tuple[int, Floats]:
-        """Return the row of ``questions`` to ask, and the information (n,) of each of them in bits.
+        """Return the row of ``questions`` to ask, and the information of each of them.
 
-        The information is about the signs of d.e for the differences ``about`` (c, k). The row is
-        that of the easiest question with at least (1 - simplicity) of the greatest information, or
-        -1 if no question gives any. ``draws`` are plausible scales, ``lapse`` is the share of
-        answers given at random, and ``skip`` are rows not to ask. Raises ValueError if ``about`` is
-        not finite or not of the draws' k levels, ``lapse`` is outside 0..1, or ``questions`` has no
-        row of ``skip``.
+        The information is about the signs of d.e for the differences ``about``.
+
+        Parameters
+        ----------
+        draws : Draws
+            Plausible scales: gaps (k - 1, m), weights (m,) and precisions (m,).
+        about : (c, k)
+            Differences left - right whose signs are wanted.
+        lapse : float
+            Share of answers given at random, in 0..1. Default: 0.
+        skip : sequence of int
+            Rows of ``questions`` that are not to be asked. Default: none.
+
+        Returns
+        -------
+        row : int
+            The row of the easiest question with at least (1 - simplicity) of the greatest
+            information, or -1 if no question gives any.
+        information : (n,)
+            The information of each question, in bits; 0 for those in ``skip``.
+
+        Raises
+        ------
+        ValueError
+            If ``about`` is not finite or not of the draws' k levels, ``lapse`` is outside 0..1, or
+            ``questions`` has no row of ``skip``.
         """
         k = len(draws.gaps) + 1
         wanted_signs, asked = as_vectors(about, k), self.questions(k)
@@ -121,7 +155,20 @@ class Bags:
         return int(order[0]), told
 
     def sentence(self, left: Floats, right: Floats, labels: Sequence[str]) -> str:
-        """Return the question in words, for bags (k,) in days."""
+        """Return the question in words.
+
+        Parameters
+        ----------
+        left, right : (k,)
+            The bags, in whole days, worst level first.
+        labels : sequence of str
+            The names of the k levels, worst first.
+
+        Returns
+        -------
+        str
+            Such as "of 10 days: 10 ill (left), or 4 dead and 6 well (right)?".
+        """
         bags = [zip(days, labels, strict=True) for days in (left, right)]
         said = [" and ".join(f"{int(n)} {label}" for n, label in bag if n) for bag in bags]
         return f"of {self.days} days: {said[0]} (left), or {said[1]} (right)?"

@@ -176,16 +176,35 @@ class Panel:
         return values
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Return bounds (n,) on d.e: the weighted sums of the members' lower and upper bounds."""
+        """Return bounds on d.e: the weighted sums of the members' lower and upper bounds.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        lo, hi : (n,) each, in units of e_k - e_1
+        """
         rows = as_differences(d, self.k)
         both = [bounds_of(member, rows) for member in self._each]
         return self._summed([low for low, _ in both]), self._summed([high for _, high in both])
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Return verdicts (n,) on differences (n, k).
+        """Return verdicts on differences.
 
         The verdict is the one on which all members agree. If they do not, it is the sign that the
         weighted sums of bounds show.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        (n,) int8 verdicts
         """
         return decide_by_rule(self.rule, as_differences(d, self.k), self.decide_rest).verdicts
 
@@ -204,7 +223,18 @@ class Panel:
 
     @one_thread
     def decide_rest(self, d: Floats) -> Decisions:
-        """Return verdicts and tiers (n,) of differences (n, k) that dominance does not decide."""
+        """Decide differences that dominance does not decide.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        Decisions
+            The verdicts (n,) and their tiers (n,).
+        """
         if len(self.people) == 1:
             member = self._only
             by_rule = compares_by_rule(type(member)) and offers(member, "decide_rest")

@@ -55,7 +55,17 @@ class Needs:
         )
 
     def missing(self, comparator: Comparator) -> tuple[str, ...]:
-        """Return the required members that a comparator does not have, without computing any."""
+        """Return the required members that a comparator does not have, without computing any.
+
+        Parameters
+        ----------
+        comparator : Comparator
+
+        Returns
+        -------
+        tuple of str
+            Their names, in the order of ``required``.
+        """
         return tuple(name for name in self.required if not offers(comparator, name))
 
 

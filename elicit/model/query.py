@@ -247,7 +247,28 @@ class Query:
         labels: Sequence[str] | None = None,
         who: str | None = None,
     ) -> Query:
-        """Return a query whose id is a hash of the problem, its running number and the vectors."""
+        """Return a query whose id is a hash of the problem, its running number and the vectors.
+
+        Parameters
+        ----------
+        fingerprint : str
+            Stands for the problem, such as ``OrdinalMDP.fingerprint``.
+        number : int
+            The query's running number.
+        left, right : (k,)
+            The two vectors, worst level first.
+        about, labels, who
+            As in ``Query``.
+
+        Returns
+        -------
+        Query
+
+        Raises
+        ------
+        ValueError, TypeError
+            As in ``Query``.
+        """
         return Query(query_id(fingerprint, number, left, right), left, right, about, labels, who)
 
 
@@ -428,7 +449,17 @@ class Answers:
 
     @staticmethod
     def none(k: int) -> Answers:
-        """Return empty Answers over k levels."""
+        """Return empty Answers over k levels.
+
+        Parameters
+        ----------
+        k : int
+            Number of levels.
+
+        Returns
+        -------
+        Answers
+        """
         return Answers(np.empty((0, k)), np.empty(0, dtype=np.int8))
 
     @staticmethod
@@ -436,6 +467,22 @@ class Answers:
         """Return a list of Answer objects as Answers, without those that have no verdict.
 
         "Cannot tell" teaches a comparator nothing.
+
+        Parameters
+        ----------
+        answers : sequence of Answer
+        k : int
+            The number of levels that they are about.
+
+        Returns
+        -------
+        Answers
+            In the same order. Their ids are those of the queries.
+
+        Raises
+        ------
+        ValueError
+            If an answer with a verdict is about another number of levels.
         """
         told = [a for a in answers if a.verdict is not None]
         for query in (answer.query for answer in told):
@@ -487,9 +534,19 @@ class Answers:
         return Answers(*read_csv(file, k))
 
     def to_csv(self, file: File) -> None:
-        """Write the columns id, d_1, ..., d_k, answer to a path or an open text.
+        """Write the columns id, d_1, ..., d_k, answer to a file.
 
         If any row says who answered, there is a last column, ``who``. ``from_csv`` reads the file.
+
+        Parameters
+        ----------
+        file : path or text file
+            A path, or text that was opened for writing with ``newline=""``.
+
+        Raises
+        ------
+        OSError
+            If the file cannot be written.
         """
         from elicit.model.answers_csv import write_csv
 
@@ -546,10 +603,24 @@ class Answers:
     def without(self, ids: Iterable[str], who: str | None = None) -> Answers:
         """Return the answers, in the same order, without all rows that have one of these ids.
 
-        If several people answered the question of an id, ``who`` restricts this to one person's
-        answers.
+        Parameters
+        ----------
+        ids : iterable of str
+            The ids to leave out.
+        who : str, optional
+            If several people answered the question of an id, only this person's answers are left
+            out. None: those of all people.
 
-        Raises ValueError for an id that no row has, and TypeError for a bare string.
+        Returns
+        -------
+        Answers
+
+        Raises
+        ------
+        ValueError
+            For an id that no row has.
+        TypeError
+            For a bare string in place of several ids.
         """
         if isinstance(ids, str):
             raise TypeError(f"without takes several ids: put the one id into a list, [{ids!r}]")
@@ -566,12 +637,32 @@ class Answers:
         return self.take([row for row in range(len(self)) if row not in gone])
 
     def take(self, rows: Sequence[int]) -> Answers:
-        """Return the answers in these rows, in this order."""
+        """Return the answers in these rows, in this order.
+
+        Parameters
+        ----------
+        rows : sequence of int
+            Row numbers, counted from 0.
+
+        Returns
+        -------
+        Answers
+        """
         ids, who = [self.ids[row] for row in rows], [self.who[row] for row in rows]
         return Answers(self.d[list(rows)], self.y[list(rows)], ids, who)
 
     def of_person(self, who: str | None) -> Answers:
-        """Return the answers of a person, in their order. None: the answers that name nobody."""
+        """Return the answers of a person, in their order.
+
+        Parameters
+        ----------
+        who : str or None
+            The person's name. None: the answers that name nobody.
+
+        Returns
+        -------
+        Answers
+        """
         return self.take([row for row, name in enumerate(self.who) if name == who])
 
 

@@ -17,7 +17,18 @@ class Tutor(Protocol):
     """
 
     def __call__(self, query: Query, /) -> Answer:
-        """Return the answer to this query. Its verdict is None if the tutor cannot tell."""
+        """Return the answer to this query.
+
+        Parameters
+        ----------
+        query : Query
+            The question.
+
+        Returns
+        -------
+        Answer
+            Its verdict is None if the tutor cannot tell.
+        """
 
 
 @runtime_checkable

@@ -83,6 +83,15 @@ class RepeatedAnswersTutor:
     def __call__(self, query: Query) -> Answer:
         """Return one of the person's answers to the query's pair that was not given before.
 
+        Parameters
+        ----------
+        query : Query
+
+        Returns
+        -------
+        Answer
+            In terms of the query's left vector.
+
         Raises
         ------
         NoRepeatLeft
@@ -100,7 +109,17 @@ class RepeatedAnswersTutor:
         return Answer(query, Verdict(way * verdict), swapped ^ (way < 0))
 
     def left_over(self, query: Query) -> int:
-        """Return how many answers to the query's pair were not given yet; 0 if it was never put."""
+        """Return how many answers to the query's pair were not given yet.
+
+        Parameters
+        ----------
+        query : Query
+
+        Returns
+        -------
+        int
+            0 if the pair was never put.
+        """
         try:
             pair, _ = self._find(query)
         except NoRepeatLeft:
@@ -109,6 +128,10 @@ class RepeatedAnswersTutor:
 
     def truth(self, query: Query) -> Verdict | None:
         """Return the most frequent answer among those to the query's pair that were not given yet.
+
+        Parameters
+        ----------
+        query : Query
 
         Returns
         -------

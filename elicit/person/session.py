@@ -164,6 +164,10 @@ class Session(Closing):
 
         The object is replaced by ``undo`` and ``withdraw``, and when the asker after an answer was
         computed ahead.
+
+        Returns
+        -------
+        Asker
         """
         return self._replayed.current()
 
@@ -183,8 +187,12 @@ class Session(Closing):
     def twin(self) -> Asker | None:
         """Return a copy of the asker, on which another thread may try answers, or None.
 
-        It is made by ``copy.deepcopy``, and may share nothing with the asker that changes. The
-        result is None if the asker cannot be copied.
+        It is made by ``copy.deepcopy``, and may share nothing with the asker that changes.
+
+        Returns
+        -------
+        Asker or None
+            None if the asker cannot be copied.
         """
         try:
             return copy.deepcopy(self.current_asker())
@@ -195,6 +203,10 @@ class Session(Closing):
         """Return the current question, or None if there is none left.
 
         It stays the same until it is answered. Computing it may take a second.
+
+        Returns
+        -------
+        Query or None
         """
         query = self.next_told()
         if query is not None:
@@ -215,6 +227,11 @@ class Session(Closing):
 
         ``question`` may return another one: an earlier question that is put again, or a replacement
         of this query.
+
+        Returns
+        -------
+        Query or None
+            None if the asker is finished.
         """
         return next(iter(self._pending().values()), None)
 
@@ -228,11 +245,22 @@ class Session(Closing):
         self._repeats.regular = self.audits
 
     def conduct(self) -> Conduct:
-        """Return counts of how the person has answered so far."""
+        """Return counts of how the person has answered so far.
+
+        Returns
+        -------
+        Conduct
+        """
         return Conduct.of([*self._log])
 
     def answered_before(self) -> Callable[[Query], bool]:
-        """Return a function that tells whether a query's difference was answered already."""
+        """Return a function that tells whether a query's difference was answered already.
+
+        Returns
+        -------
+        function
+            It takes a Query and returns a bool, by the answers that stand now.
+        """
         said = [tail_sums(entry.answer.query.d) for entry in self._log.standing]
 
         def answered(query: Query) -> bool:
@@ -241,14 +269,29 @@ class Session(Closing):
         return answered
 
     def confirming(self) -> Query | None:
-        """Return an earlier question that should be put again before the end, or None."""
+        """Return an earlier question that should be put again before the end, or None.
+
+        Returns
+        -------
+        Query or None
+        """
         return self._repeats.confirming(self.conduct()) if self.audits else None
 
     def checks_left(self, id: str, further: int) -> int:
-        """Return the fewest checks that must come after the pending question of this id.
+        """Return the fewest checks that must come after the pending question of an id.
 
-        It is at most the number of questions that can be put again once ``further`` more answers
-        have come.
+        Parameters
+        ----------
+        id : str
+            The id of the pending question.
+        further : int
+            The number of answers that come after it.
+
+        Returns
+        -------
+        int
+            At most the number of questions that can be put again once ``further`` more answers have
+            come.
         """
         if not self.audits:
             return 0
@@ -259,17 +302,35 @@ class Session(Closing):
         return max(0, min(needed, repeatable))
 
     def checking(self) -> Query | None:
-        """Return an earlier question that is due to be put again now, or None."""
+        """Return an earlier question that is due to be put again now, or None.
+
+        Returns
+        -------
+        Query or None
+        """
         return self._repeats.due(self.conduct()) if self.audits else None
 
     def at_start(self) -> Asker | None:
-        """Return a new asker that knows no answer, or None if the session cannot make one."""
+        """Return a new asker that knows no answer, or None if the session cannot make one.
+
+        Returns
+        -------
+        Asker or None
+        """
         return self._replayed.at_start()
 
     def stamp(self, who: str) -> None:
         """Set the person whose answers the next lines of the log are.
 
-        Raises BadLog for a log of another person.
+        Parameters
+        ----------
+        who : str
+            The person's name.
+
+        Raises
+        ------
+        BadLog
+            For a log of another person.
         """
         check_person(self._log, who)
         self._stamp[WHO] = who
@@ -281,15 +342,43 @@ class Session(Closing):
         return self._stamp.get(WHO) or (said[-1] if said else None)
 
     def answering(self, query: Query) -> str | None:
-        """Return the person who answers a query: the one it names, else the session's, or None."""
+        """Return the person who answers a query: the one it names, else the session's, or None.
+
+        Parameters
+        ----------
+        query : Query
+
+        Returns
+        -------
+        str or None
+        """
         return query.who or self._stamp.get(WHO)
 
     def is_repeat(self, id: str) -> bool:
-        """Return whether the pending query with this id is an earlier question put again."""
+        """Return whether a pending query is an earlier question put again.
+
+        Parameters
+        ----------
+        id : str
+            The id of the query.
+
+        Returns
+        -------
+        bool
+        """
         return self._repeats.names(id) and id not in self._pending()
 
     def first_answer(self, query: Query) -> Answer | None:
-        """Return the answer given the first time to a query that is put again, or None."""
+        """Return the answer given the first time to a query that is put again, or None.
+
+        Parameters
+        ----------
+        query : Query
+
+        Returns
+        -------
+        Answer or None
+        """
         return self._repeats.first_answer(query)
 
     def shown(self, id: str, swapped: bool = False, **how: Any) -> None:
@@ -483,6 +572,12 @@ class Session(Closing):
         meant : sequence of Answer
             Answers that would be added.
 
+        Returns
+        -------
+        function
+            It takes nothing, and returns a named tuple. Its ``asker`` knows these answers, ``of``
+            counts those that have a verdict, and ``used`` those among them that the asker uses.
+
         Raises
         ------
         ValueError
@@ -520,15 +615,24 @@ class Session(Closing):
         comparator other than a polytope, two things that the person calls equal may still differ by
         5% of the value range, or by its ``tie`` if that is more. Answers of different people do not
         contradict each other.
+
+        Returns
+        -------
+        tuple of tuple of Entry
+            The sets; () if no answers contradict each other.
         """
         return self._taken_as_right.conflicts(self._told())
 
     def contradiction(self) -> tuple[Entry, ...]:
         """Return answers of one person that contradict each other, with the last answer among them.
 
-        The result is empty if the last answer contradicts no earlier ones. As in ``conflicts``,
-        each answer is taken as right, even if the comparator allows for errors. To check one more
-        answer takes far less time than to find all ``conflicts``.
+        As in ``conflicts``, each answer is taken as right, even if the comparator allows for
+        errors. To check one more answer takes far less time than to find all ``conflicts``.
+
+        Returns
+        -------
+        tuple of Entry
+            It is empty if the last answer contradicts no earlier ones.
         """
         told, standing = self._told(), self._log.standing
         if not told or told[-1] is not standing[-1]:
@@ -539,6 +643,15 @@ class Session(Closing):
         """Return whether a person's answers, if each is right, say which side of a query is better.
 
         Answers that contradict earlier ones are left out.
+
+        Parameters
+        ----------
+        query : Query
+            The person is the one who answers it (``answering``).
+
+        Returns
+        -------
+        bool
         """
         who = self.answering(query)
         told = [entry for entry in self._told() if entry.answer.who == who]
@@ -547,9 +660,13 @@ class Session(Closing):
     def as_given(self) -> PolytopeComparator | None:
         """Return a comparator that takes each answer as right, or None.
 
-        It is None if answers contradict each other, if several people answered, or if the order of
-        two levels is open. As in ``conflicts``, two things that the person calls equal may differ
-        a little.
+        As in ``conflicts``, two things that the person calls equal may differ a little.
+
+        Returns
+        -------
+        PolytopeComparator or None
+            None if answers contradict each other, if several people answered, or if the order of
+            two levels is open.
         """
         return self._taken_as_right.comparator(self._told())
 
@@ -557,6 +674,10 @@ class Session(Closing):
         """Return the state of the session.
 
         Computing it may take a second, because it looks for the next question.
+
+        Returns
+        -------
+        SessionStatus
         """
         entries = [entry for entry in self._log if not entry.repeat]
         standing = [entry for entry in entries if entry.stands]
@@ -574,7 +695,13 @@ class Session(Closing):
         )
 
     def result(self) -> Any:
-        """Return the asker's result so far: a learner's policy, or the choice of ``choose``."""
+        """Return the asker's result so far.
+
+        Returns
+        -------
+        object
+            A learner's policy, or the choice of ``choose``.
+        """
         return self.current_asker().result()
 
     def close(self) -> None:

@@ -252,7 +252,17 @@ class Shown:
         return a or "nothing", b or "nothing", same
 
     def sentence(self, verdict: Verdict | None) -> str:
-        """Return the answer in words: "10 moderate rather than 4 recovered and 6 died"."""
+        """Return an answer in words: "10 moderate rather than 4 recovered and 6 died".
+
+        Parameters
+        ----------
+        verdict : Verdict or None
+            The verdict on the query's left. None: cannot tell.
+
+        Returns
+        -------
+        str
+        """
         said = []
         for side in (self.left, self.right):
             rest = [n - both for n, both in zip(side, self.common, strict=True)]
@@ -298,7 +308,14 @@ class Shown:
         return Verdict.BETTER if (choice == "a") != self.swapped else Verdict.WORSE
 
     def record(self) -> dict[str, Any]:
-        """Return the counts on the screen, as JSON for a log."""
+        """Return the counts on the screen, as JSON for a log.
+
+        Returns
+        -------
+        dict
+            The counts of both sides, worst level first, as "a" and "b"; their total as "of"; the
+            "unit"; and "exact".
+        """
         a, b = (self.right, self.left) if self.swapped else (self.left, self.right)
         return {
             "a": list(a),
@@ -336,7 +353,12 @@ class Shown:
         return "\n".join([*lines, "", *self._table(width)])
 
     def sentences(self) -> tuple[str, ...]:
-        """Return the sentences in front of the sides."""
+        """Return the sentences in front of the sides.
+
+        Returns
+        -------
+        tuple of str
+        """
         unit, verb, side, same = self.words.unit, self.words.verb, self.words.side, sum(self.common)
         asked = f"Two {side}s of {self.of:,} {unit}: {self.words.question}"
         said = []

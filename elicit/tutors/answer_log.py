@@ -210,6 +210,10 @@ class AnswerLog(Closing):
             a line is intact but its content is impossible, only this line is left out. Without a
             list the first error is raised.
 
+        Returns
+        -------
+        AnswerLog
+
         Raises
         ------
         BadLog
@@ -305,9 +309,21 @@ class AnswerLog(Closing):
         self._put("answered", {**_fields_of(answer.query), **told}, metadata)
 
     def append_asked(self, query: Query, swapped: bool = False, **metadata: Any) -> None:
-        """Record that a question is put to the tutor, with ``swapped`` if its sides are exchanged.
+        """Record that a question is put to the tutor.
 
-        ``metadata`` is any JSON, such as the words shown. Raises the errors of ``append``.
+        Parameters
+        ----------
+        query : Query
+            The question.
+        swapped : bool
+            True if its sides are exchanged. Default: False.
+        **metadata
+            Any JSON, such as the words shown.
+
+        Raises
+        ------
+        ValueError, BadLog, OSError
+            As for ``append``.
         """
         self._put("asked", {**_fields_of(query), "swapped": bool(swapped)}, metadata)
 
@@ -351,16 +367,34 @@ class AnswerLog(Closing):
     def mark_used(self, id: str, **metadata: Any) -> None:
         """Record that comparators learn again from an answer that was marked as unused.
 
-        The reason may be that the answers it contradicted were taken back. The last unused answer
-        of this id is meant. ``metadata`` is any JSON, added to the answer's. Raises ValueError if
-        this query has no unused answer. Other errors are as for ``append``.
+        The reason may be that the answers it contradicted were taken back.
+
+        Parameters
+        ----------
+        id : str
+            The id of the query. Its last unused answer is meant.
+        **metadata
+            Any JSON, added to the answer's.
+
+        Raises
+        ------
+        ValueError
+            If this query has no unused answer. Other errors are as for ``append``.
         """
         self._put("used", {"id": id}, metadata)
 
     def mark_restart(self, **metadata: Any) -> None:
         """Record that the asker was made anew here, knowing all answers that were not taken back.
 
-        ``metadata`` is any JSON. Errors are as for ``append``.
+        Parameters
+        ----------
+        **metadata
+            Any JSON.
+
+        Raises
+        ------
+        ValueError, BadLog, OSError
+            As for ``append``.
         """
         self._put("restarted", {}, metadata)
 

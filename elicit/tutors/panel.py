@@ -71,7 +71,19 @@ class PanelTutor:
     def __call__(self, query: Query) -> Answer:
         """Return the answer of the person whom the query names, with that name.
 
-        Raises ValueError if the query names nobody, or a person without a tutor.
+        Parameters
+        ----------
+        query : Query
+            With one tutor, it may leave out the name.
+
+        Returns
+        -------
+        Answer
+
+        Raises
+        ------
+        ValueError
+            If the query names nobody, or a person without a tutor.
         """
         names = [*self.tutors]
         who = names[0] if query.who is None and len(names) == 1 else query.who

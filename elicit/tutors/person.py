@@ -158,7 +158,22 @@ class PersonTutor:
         return yes, no, max(0.0, 1.0 - yes - no) if self.width else 0.0
 
     def __call__(self, query: Query) -> Answer:
-        """Return the person's answer to a query. Raises ValueError if it is not about k levels."""
+        """Return the person's answer to a query.
+
+        Parameters
+        ----------
+        query : Query
+
+        Returns
+        -------
+        Answer
+            Drawn from ``probabilities``. The person can always tell.
+
+        Raises
+        ------
+        ValueError
+            If the query is not about k levels.
+        """
         left, right, equal = self.probabilities(query)
         self._given += 1
         if equal == 1.0:

@@ -49,7 +49,22 @@ class ReplayTutor:
         return f"ReplayTutor({len(self._answers)} answers)"
 
     def __call__(self, query: Query) -> Answer:
-        """Return the log's answer to this query. Raises NotInLog, a LookupError, if it has none."""
+        """Return the log's answer to this query.
+
+        Parameters
+        ----------
+        query : Query
+
+        Returns
+        -------
+        Answer
+            In terms of the query's left vector. Its verdict is None if the person could not tell.
+
+        Raises
+        ------
+        NotInLog
+            A LookupError: if the log has no answer to it.
+        """
         ways = self._ways(query)
         own = self._of_person(self._by_id.get(query.id, []), query.who)
         last = self._last.get((query.id, query.who), own[-1] if own else None)

@@ -192,10 +192,31 @@ class FlippingTutor(_Simulated):
     def from_error_rate(
         cls, values: ArrayLike, rate: float, reference: ArrayLike, seed: Seed | None = 0
     ) -> FlippingTutor:
-        """Return a tutor with a given expected error rate on the differences ``reference`` (n, k).
+        """Return a tutor with a given expected error rate on reference differences.
 
         Exact ties among them cannot be answered wrongly, and the rate of errors on others is raised
-        to make up for that. Raises ValueError unless 0 < rate < 1/2 and such a rate exists.
+        to make up for that.
+
+        Parameters
+        ----------
+        values : (k,)
+            The hidden scale, increasing, in any unit.
+        rate : float
+            The expected share of wrong answers, above 0 and below 1/2.
+        reference : (n, k)
+            Differences left - right.
+        seed : int, SeedSequence, Generator or None
+            Draws the errors. None: a new seed.
+
+        Returns
+        -------
+        FlippingTutor
+
+        Raises
+        ------
+        ValueError
+            Unless 0 < rate < 1/2 and such a rate exists. At most half of the differences that are
+            no ties can be answered wrongly.
         """
         size = _reference_sizes(values, rate, reference)
         return cls(values, rate / float(np.mean(size > 0)), seed)
@@ -240,9 +261,19 @@ class BradleyTerryTutor(_Simulated):
         super().__init__(values, seed, self.precision, tie)
 
     def expected_error_rate(self, reference: ArrayLike) -> float:
-        """Return the expected share of wrong answers on the differences ``reference`` (n, k).
+        """Return the expected share of wrong answers on reference differences.
 
         The tutor is taken to call nothing equal. Answers to exact ties count as right.
+
+        Parameters
+        ----------
+        reference : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        float
+            From 0 to 1/2.
         """
         size = _sizes(self._g, reference)
         return float(np.where(size > 0, expit(-self.precision * size), 0.0).mean())
@@ -251,10 +282,29 @@ class BradleyTerryTutor(_Simulated):
     def from_error_rate(
         cls, values: ArrayLike, rate: float, reference: ArrayLike, seed: Seed | None = 0
     ) -> BradleyTerryTutor:
-        """Return the tutor with expected error rate ``rate`` on differences ``reference`` (n, k).
+        """Return the tutor with a given expected error rate on reference differences.
 
-        Answers to exact ties count as right. Raises ValueError unless 0 < rate < 1/2 and some
-        precision gives that rate.
+        Answers to exact ties count as right.
+
+        Parameters
+        ----------
+        values : (k,)
+            The hidden scale, increasing, in any unit.
+        rate : float
+            The expected share of wrong answers, above 0 and below 1/2.
+        reference : (n, k)
+            Differences left - right.
+        seed : int, SeedSequence, Generator or None
+            Draws the errors. None: a new seed.
+
+        Returns
+        -------
+        BradleyTerryTutor
+
+        Raises
+        ------
+        ValueError
+            Unless 0 < rate < 1/2 and some precision gives that rate.
         """
         size = _reference_sizes(values, rate, reference)
 

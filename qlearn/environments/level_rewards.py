@@ -234,7 +234,31 @@ class LevelVector(LevelRewarded[Floats]):
         env.unwrapped.reward_space = reward_space(k)  # type: ignore[attr-defined]
 
     def step(self, action: Any) -> tuple[Any, Floats, bool, bool, dict[str, Any]]:
-        """Step the environment, and return a new reward vector (k,)."""
+        """Step the environment, and return a new reward vector.
+
+        Parameters
+        ----------
+        action
+            An action of the environment.
+
+        Returns
+        -------
+        observation
+            As the environment gives it.
+        reward : (k,)
+            Without a discount 1 at the step's level, and 0 elsewhere. With one, the discounted sum
+            of these vectors over an episode is its share vector.
+        terminated, truncated : bool
+            As the environment gives them.
+        info : dict
+            As the environment gives it, with the step's ``level`` in addition.
+
+        Raises
+        ------
+        ValueError
+            If the step has no level, or none of 0 to k - 1. Also if an episode terminates, but with
+            the discount no ``after`` was given.
+        """
         observation, reward, *rest = super().step(action)
         return observation, reward.copy(), *rest
 

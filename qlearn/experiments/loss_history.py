@@ -72,7 +72,12 @@ class LossHistory:
         self._rows = [self._row(0, policy, PolytopeComparator(mdp.k))]
 
     def __call__(self, result: Result) -> None:
-        """Add a row for the result so far. Rows come in the order of the answers."""
+        """Add a row for the result so far. Rows come in the order of the answers.
+
+        Parameters
+        ----------
+        result : Result
+        """
         bound = result.loss_bound if self._bound else np.nan
         self._rows.append(_LossRow(result.asked, *self._losses(result.policy), bound))
 
@@ -97,15 +102,31 @@ class LossHistory:
         return np.array([row.loss_bound for row in self._rows])
 
     def after(self, asked: ArrayLike) -> NDArray[np.int64]:
-        """Return for each number given the index of the last row with at most that many questions.
+        """Return the index of the last row with at most so many questions, for each given number.
 
         For example, ``history.loss[history.after(range(30))]`` is a curve of thirty points, even if
         the learner ended earlier.
+
+        Parameters
+        ----------
+        asked : (n,)
+            Numbers of questions.
+
+        Returns
+        -------
+        (n,) int
+            Rows, counted from 0.
         """
         return np.searchsorted(self.asked, np.asarray(asked), side="right") - 1
 
     def frame(self) -> DataFrame:
-        """Return the rows as a table: question zero, then one row for each call."""
+        """Return the rows as a table: question zero, then one row for each call.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Its columns are ``asked``, ``loss``, ``initial_loss`` and ``loss_bound``.
+        """
         from pandas import DataFrame
 
         return DataFrame(self._rows)

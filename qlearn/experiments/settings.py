@@ -373,11 +373,26 @@ class AblationSettings(Settings):
                 )
 
     def names(self, setting: str) -> tuple[str, ...]:
-        """Return the names in a setting that lists parts, such as comparators."""
+        """Return the names in a setting that lists parts, such as comparators.
+
+        Parameters
+        ----------
+        setting : str
+            The name of the setting.
+
+        Returns
+        -------
+        tuple of str
+        """
         return tuple(one.name if isinstance(one, Own) else one for one in getattr(self, setting))
 
     def own(self) -> dict[str, dict[str, Own]]:
-        """The user's own parts, by the column of the table and by name."""
+        """Return the user's own parts, by the column of the table and by name.
+
+        Returns
+        -------
+        dict of str to dict of str to Own
+        """
         given = {column: getattr(self, name) for column, name in OWN.items()}
         return {
             column: {one.name: one for one in ones if isinstance(one, Own)}

@@ -40,7 +40,18 @@ class Decay:
     share: float = 0.5
 
     def __call__(self, steps: NDArray[np.int64]) -> Floats:
-        """Return the probability of exploring in each of the steps 0, 1, ... (n,)."""
+        """Return the probability of exploring in each step.
+
+        Parameters
+        ----------
+        steps : (n,) int
+            The numbers of the steps: 0, 1, ..., n - 1.
+
+        Returns
+        -------
+        (n,)
+            Probabilities.
+        """
         over = max(1.0, self.share * len(steps))
         return np.asarray(
             self.first + (self.last - self.first) * np.minimum(1.0, steps / over), dtype=np.float64

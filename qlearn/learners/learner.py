@@ -415,6 +415,10 @@ class Learner:
 
         The learner first runs as far as it can without the tutor. The queries stay the same until
         they are answered.
+
+        Returns
+        -------
+        tuple of Query
         """
         self._act()
         return self._elicitation.ask() or self._go_on()
@@ -458,7 +462,10 @@ class Learner:
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
         """Have the function ``signs`` answer from now on. Its answers are counted, not logged.
 
-        It maps differences (n, k) to verdicts (n,). None: ask the tutor again.
+        Parameters
+        ----------
+        signs : callable or None
+            Maps differences left - right (n, k) to verdicts (n,). None: ask the tutor again.
         """
         self._elicitation.signs = signs
 
@@ -467,6 +474,12 @@ class Learner:
 
         For Q-learning these are comparisons that neither equality nor dominance decided. For policy
         iteration they are the questions answered.
+
+        Parameters
+        ----------
+        watcher : callable
+            Takes differences d (n, k) and their ``Decisions``: verdicts (n,) and tiers (n,). Its
+            result is ignored.
         """
         self._elicitation.watch = watcher
 
@@ -481,7 +494,12 @@ class Learner:
         return self._elicitation.comparator
 
     def result(self) -> Result:
-        """Return the policy and the counts. It may be called at any time."""
+        """Return the policy and the counts so far. It may be called at any time.
+
+        Returns
+        -------
+        Result
+        """
         raise NotImplementedError
 
     def _go_on(self) -> tuple[Query, ...]:

@@ -227,8 +227,13 @@ class InteractivePolicyIteration(Learner):
     def result(self) -> Result:
         """Return the policy for the central scale, its loss bound, and the counts so far.
 
-        ``decided`` counts the alternatives to the current policy by the tier that decided them, and
-        the questions. Asking for a result changes no later question.
+        Asking for a result changes no later question.
+
+        Returns
+        -------
+        Result
+            Its ``decided`` counts the alternatives to the current policy by the tier that decided
+            them, and the questions.
         """
         rounds, advantages, found = self._present()
         comparator = self._elicitation.comparator
@@ -250,7 +255,13 @@ class InteractivePolicyIteration(Learner):
         )
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
-        """Do nothing. This learner asks and logs every question, whatever the comparator."""
+        """Do nothing. This learner asks and logs every question, whatever the comparator.
+
+        Parameters
+        ----------
+        signs : callable or None
+            Ignored.
+        """
 
     def _present(self) -> tuple[ExactRounds | SampledRounds, Advantages, Guarantee]:
         """Return the rounds, advantages and guarantee for what is known now.

@@ -161,9 +161,20 @@ class InteractiveQLearning(Learner):
         )
 
     def run_to(self, steps: int, puts_off: bool = False) -> tuple[Query, ...]:
-        """Run to this step, or to a pair that only the tutor can decide. Return the query, if any.
+        """Run to a step, or to a pair that only the tutor can decide.
 
-        With ``puts_off`` such pairs are decided by the best guess at the scale instead.
+        Parameters
+        ----------
+        steps : int
+            The number of steps, counted from the start of the run.
+        puts_off : bool
+            If it is True, such pairs are decided by the best guess at the scale instead. Default:
+            False.
+
+        Returns
+        -------
+        tuple of Query
+            The query about the pair; () if the step was reached.
         """
         elicitation, state = self._elicitation, self.state
         elicitation.puts_off = puts_off
@@ -202,10 +213,16 @@ class InteractiveQLearning(Learner):
             elicitation.commit(d, Decisions(verdicts, tiers))
 
     def ask_within(self, tutor: AnswersInLoops | None) -> None:
-        """Let the compiled loop ask this tutor directly from now on. None: no longer.
+        """Let the compiled loop ask a tutor directly from now on.
 
         It does so only if the results are the same: with a comparator that is ``LearnsInSteps``, no
         audits and no ties.
+
+        Parameters
+        ----------
+        tutor : simulated tutor or None
+            A tutor of ``elicit`` that is also available as plain arrays (``respondent``). None: the
+            loop no longer asks.
         """
         self._pairs.tutor = tutor
 

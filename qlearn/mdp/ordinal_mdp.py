@@ -426,33 +426,88 @@ class OrdinalMDP:
         return matrix
 
     def state_name(self, state: int) -> str:
-        """Return a state's name, or its number."""
+        """Return a state's name, or its number.
+
+        Parameters
+        ----------
+        state : int
+            The state, counted from 0.
+
+        Returns
+        -------
+        str
+        """
         return str(state) if self.state_names is None else self.state_names[state]
 
     def action_name(self, action: int) -> str:
-        """Return an action's name, or its number."""
+        """Return an action's name, or its number.
+
+        Parameters
+        ----------
+        action : int
+            The action, counted from 0.
+
+        Returns
+        -------
+        str
+        """
         return str(action) if self.action_names is None else self.action_names[action]
 
     def normalise(self, values: ArrayLike) -> Floats:
-        """Return increasing values (k,) of the levels as a scale from 0 to 1. Raise ValueError."""
+        """Return values of the levels as a scale from 0 to 1.
+
+        Parameters
+        ----------
+        values : (k,)
+            The value of each level, worst first, in any unit.
+
+        Returns
+        -------
+        (k,)
+            (values - values[0]) / (values[-1] - values[0]).
+
+        Raises
+        ------
+        ValueError
+            Unless they are k finite, strictly increasing values.
+        """
         scale = normalise(values)
         if scale.size != self.k:
             raise ValueError(f"values must be {self.k} numbers, one a level, not {scale.size}")
         return scale
 
     def rewards(self, values: ArrayLike) -> Floats:
-        """Return numeric rewards r(s, a) (S, A) if level i is worth values[i].
+        """Return the numeric rewards r(s, a) if level i is worth values[i].
 
-        They are in the unit of ``values`` (k,), which must increase and are used as they are. Any
-        solver for standard MDPs takes the result, together with ``transitions`` and ``discount``.
-        Raise ValueError.
+        Any solver for standard MDPs takes the result, together with ``transitions`` and
+        ``discount``.
+
+        Parameters
+        ----------
+        values : (k,)
+            The value of each level, worst first, in any unit. They are used as they are.
+
+        Returns
+        -------
+        (S, A)
+            In the unit of ``values``.
+
+        Raises
+        ------
+        ValueError
+            Unless they are k finite, strictly increasing values.
         """
         self.normalise(values)
         r: Floats = np.asarray(values, dtype=np.float64)[self.levels]
         return r
 
     def vector_rewards(self) -> Floats:
-        """One-hot rewards (S, A, k): component i is 1 if the level of (s, a) is i."""
+        """Return one-hot rewards: component i is 1 if the level of (s, a) is i.
+
+        Returns
+        -------
+        (S, A, k)
+        """
         one_hot: Floats = np.eye(self.k)[self.levels]
         return one_hot
 

@@ -166,7 +166,12 @@ class WorstOffIteration(Learner):
 
     @one_thread
     def result(self) -> WorstOffResult:
-        """Return the policy for the worst-off so far, its bounds, and the counts."""
+        """Return the policy for the worst-off so far, its bounds, and the counts.
+
+        Returns
+        -------
+        WorstOffResult
+        """
         now = self._round()
         policy = now.policy.policy
         v = evaluate_policy(self._mdp, policy)

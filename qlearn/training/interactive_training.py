@@ -339,6 +339,10 @@ class InteractiveTraining:
         """Return the pending query, or () if a policy is to be trained first, and at the end.
 
         It stays the same until it is answered.
+
+        Returns
+        -------
+        tuple of Query
         """
         self._advance()
         if isinstance(self._next, _Question):
@@ -397,13 +401,23 @@ class InteractiveTraining:
         return {p.query.id: p.expected for p in self._elicitation.pending if p.expected is not None}
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
-        """Do nothing: each question is asked and logged."""
+        """Do nothing: each question is asked and logged.
+
+        Parameters
+        ----------
+        signs : callable or None
+            Ignored.
+        """
 
     @one_thread
     def result(self) -> TrainingResult:
         """Return the best policy so far and its bound. It may be called at any time.
 
         It changes no later question.
+
+        Returns
+        -------
+        TrainingResult
         """
         self._advance()
         asked, comparator = self._elicitation, self._elicitation.comparator

@@ -69,9 +69,64 @@ def test_docstrings_of_the_reference_name_parameters_results_and_errors(package)
     assert exempt == {name for name in EXEMPT if name.startswith(f"{package}.")}
 
 
+@pytest.mark.parametrize("package", REFERENCE)
+def test_docstrings_of_public_methods_name_parameters_results_and_errors(package):
+    methods, wrong = 0, {}
+    for name in documented(package):
+        kind = resolve_name(f"{package}.{name}")
+        for method in methods_of(kind) if isinstance(kind, type) else ():
+            methods += 1
+            found = faults_of(getattr(kind, method))
+            if found and not says_elsewhere(kind, method):
+                wrong[f"{name}.{method}"] = found
+    assert methods > 30
+    assert not wrong
+
+
+def methods_of(kind: type) -> list[str]:
+    """Return the names of the public methods that a class defines itself, with ``__call__``."""
+    fields = getattr(kind, "__dataclass_fields__", {})  # a default may be a function
+    return [
+        name
+        for name, member in vars(kind).items()
+        if isfunction(getattr(member, "__func__", member))
+        and (name == "__call__" or not name.startswith("_"))
+        and name not in fields
+    ]
+
+
+IN_FULL = ("elicit.Comparator", "elicit.Tutor", "qlearn.Learner")  # they document their methods
+
+
+def says_elsewhere(kind: type, method: str) -> bool:
+    """Return whether a method may leave its parameters and results to the class it implements.
+
+    It may if a class of ``IN_FULL`` has the method with the same parameters, and ``kind`` inherits
+    from that class or, if it is a protocol, has all its methods. The docstring then has neither
+    section: if it has one of them, it must be complete.
+    """
+    prose, sections = sections_of(getattr(kind, method))
+    if not prose or RAISED.search(prose) or {"Parameters", "Returns"} & sections.keys():
+        return False
+    for base in map(resolve_name, IN_FULL):
+        own = methods_of(base)
+        is_one = (
+            all(hasattr(kind, name) for name in own)
+            if getattr(base, "_is_protocol", False)
+            else issubclass(kind, base)
+        )
+        if kind is not base and method in own and is_one:
+            return [*signature(getattr(kind, method)).parameters] == [
+                *signature(getattr(base, method)).parameters
+            ]
+    return False
+
+
 def faults_of(thing: Any) -> list[str]:
     """Return what the docstring of a function or a class lacks, or has too much."""
     prose, sections = sections_of(thing)
+    if not prose:
+        return ["no docstring"]
     given = names_in(sections.get("Parameters", "")) | names_in(sections.get(OTHER, ""))
     faults, held, unknown = [], set(), set()
     if isinstance(thing, type):
@@ -92,9 +147,10 @@ def faults_of(thing: Any) -> list[str]:
     faults += [f"no parameter {name}" for name in sorted(given - wanted - optional)]
     faults += [f"no attribute {name}" for name in sorted(unknown)]
     faults += [f"an empty section {title}" for title, text in sections.items() if not text.strip()]
-    return faults + re.findall(r"\bRaises? \w+", prose)
+    return faults + RAISED.findall(prose)
 
 
+RAISED = re.compile(r"\bRaises? \w+")  # an error in the prose, which belongs into a section
 OTHER = "Other Parameters"
 HEADING = re.compile(r"^(\w[\w ]*)\n-{3,}$", re.MULTILINE)
 

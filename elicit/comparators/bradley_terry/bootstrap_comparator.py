@@ -214,10 +214,19 @@ class BradleyTerryComparator:
         return self._model.converged
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Return verdicts (n,) on differences (n, k).
+        """Return verdicts on differences.
 
         Dominance decides first, unless it is switched off. Other differences are BETTER or WORSE if
         all plausible fits agree.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        (n,) int8 verdicts
         """
         return decide_by_rule(self.rule, as_differences(d, self.k)).verdicts
 
@@ -277,6 +286,11 @@ class BradleyTerryComparator:
         those with the greatest d.e of any row. If the model is inconclusive or the region a box,
         whose levels are not bounded together, the bounds are those over every ordered scale, at
         confidence 1.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
 
         Returns
         -------

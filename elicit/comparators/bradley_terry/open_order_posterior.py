@@ -130,6 +130,15 @@ class OpenOrderPosterior:
     def update(self, answers: Answers) -> OpenOrderPosterior:
         """Return a comparator that also knows these answers, learned in the given order.
 
+        Parameters
+        ----------
+        answers : Answers
+            They are about k levels.
+
+        Returns
+        -------
+        OpenOrderPosterior
+
         Raises
         ------
         TypeError, ValueError
@@ -147,6 +156,16 @@ class OpenOrderPosterior:
 
     def retract(self, *ids: str) -> OpenOrderPosterior:
         """Return a comparator without the answers of these ids.
+
+        Parameters
+        ----------
+        *ids : str
+            As they are in ``answers.ids``. All answers of an id are left out.
+
+        Returns
+        -------
+        OpenOrderPosterior
+            With the same settings, and the other answers in their order.
 
         Raises
         ------
@@ -202,11 +221,32 @@ class OpenOrderPosterior:
         return weighted(self.draws.gaps, self.draws.weights, self.level)._replace(dominance=False)
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Return verdicts (n,) on differences (n, k): the sign that has probability ``level``."""
+        """Return verdicts on differences: the sign that has probability ``level``.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        (n,) int8 verdicts
+        """
         return decide_by_rule(self.rule, self._rows(d)).verdicts
 
     def probability(self, d: ArrayLike) -> Floats:
-        """Return P(d.e > 0 | answers) (n,) of differences d (n, k)."""
+        """Return the posterior probabilities that d.e > 0.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        (n,)
+            P(d.e > 0 | answers), over both orders.
+        """
         shares = [
             self.draws.weights[dot(t, self.draws.gaps.T) > 0].sum()
             for t in tail_sums(self._rows(d))
@@ -214,13 +254,34 @@ class OpenOrderPosterior:
         return np.asarray(np.minimum(shares, 1.0))
 
     def answer_probability(self, d: ArrayLike) -> Floats:
-        """Return the probability (n,) that the next answer about d (n, k) is "left is better"."""
+        """Return the probabilities that the tutor's next answer is "left is better".
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        (n,)
+            They allow for the tutor's errors, which ``probability`` leaves out.
+        """
         rows = self._rows(d)
         each = [scales.answer_probability(rows[:, order]) for order, scales in self._parts]
         return product(self.order_probabilities, np.array(each))
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Return the (1 - level) and the level quantile of d.e, (n,) each."""
+        """Return two quantiles of d.e: 1 - ``level`` and ``level``.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        lo, hi : (n,) each, in units of the value range
+        """
         draws = self.draws
         scores = product(tail_sums(self._rows(d)), draws.gaps)
         found = [quantiles(row, draws.weights, self.level) for row in scores]
@@ -234,6 +295,17 @@ class OpenOrderPosterior:
         Draws are sorted by their greatest d.e over the rows. Those with the greatest are left out,
         up to a total weight of 1 - ``level``. A bound is the greatest d.e of its row under the
         others.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        hi : (n,) in units of the value range
+        probability : float
+            Posterior probability that all of them hold: ``level``, or 1 if there are no rows.
         """
         draws = self.draws
         at = product(tail_sums(self._rows(d)), draws.gaps)

@@ -448,9 +448,18 @@ class PosteriorComparator:
         return 1
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Return verdicts (n,) on differences (n, k).
+        """Return verdicts on differences.
 
         Dominance decides first, then the sign that has probability ``level``.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        (n,) int8 verdicts
         """
         return decide_by_rule(self.rule, as_differences(d, self.k)).verdicts
 
@@ -521,9 +530,18 @@ class PosteriorComparator:
         return np.asarray(found / len(tutors))
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Return two quantiles (n,) of d.e for differences (n, k): 1 - ``level`` and ``level``.
+        """Return two quantiles of d.e: 1 - ``level`` and ``level``.
 
         If the first is above 0, the verdict is BETTER.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        lo, hi : (n,) each, in units of e_k - e_1
         """
         gaps, weights = self._gaps_and_weights
         t = tail_sums(as_differences(d, self.k))
@@ -538,6 +556,11 @@ class PosteriorComparator:
         """Return upper bounds on d.e that hold for all rows at once, and the probability of that.
 
         The particles with the greatest d.e of any row are left out, up to the weight 1 - ``level``.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
 
         Returns
         -------

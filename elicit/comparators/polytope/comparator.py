@@ -191,6 +191,15 @@ class PolytopeComparator:
     def update(self, answers: Answers) -> PolytopeComparator:
         """Return the comparator whose K_t also satisfies these answers.
 
+        Parameters
+        ----------
+        answers : Answers
+            They are about k levels.
+
+        Returns
+        -------
+        PolytopeComparator
+
         Raises
         ------
         InconsistentAnswers
@@ -229,8 +238,18 @@ class PolytopeComparator:
     def learned_in_loop(self, answers: Answers, rule: Rule) -> PolytopeComparator:
         """Return the comparator after answers that a compiled loop has already added to ``rule``.
 
-        None of them is "equal", and they do not contradict the earlier ones. The result is that of
-        ``update``.
+        The result is that of ``update``.
+
+        Parameters
+        ----------
+        answers : Answers
+            The added answers. None of them is "equal", and they do not contradict the earlier ones.
+        rule : elicit.decision.comparator_rule.Rule
+            This comparator's ``rule``, with these answers added to it.
+
+        Returns
+        -------
+        PolytopeComparator
         """
         if not len(answers):
             return self
@@ -242,6 +261,16 @@ class PolytopeComparator:
     def retract(self, *ids: str) -> PolytopeComparator:
         """Return a comparator without the answers of these ids.
 
+        Parameters
+        ----------
+        *ids : str
+            As they are in ``answers.ids``. All answers of an id are left out.
+
+        Returns
+        -------
+        PolytopeComparator
+            With the same settings, and the other answers in their order.
+
         Raises
         ------
         ValueError
@@ -251,7 +280,17 @@ class PolytopeComparator:
         return fresh.update(self.answers.without(ids))
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Return verdicts (n,) on differences (n, k), proven over K_t."""
+        """Return verdicts on differences, proven over K_t.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        (n,) int8 verdicts
+        """
         return decide_by_rule(self.rule, as_differences(d, self.k), self.decide_rest).verdicts
 
     @property
@@ -263,12 +302,34 @@ class PolytopeComparator:
 
     @one_thread
     def decide_rest(self, d: Floats) -> Decisions:
-        """Decide, by linear programs, differences that the compiled proofs leave open."""
+        """Decide, by linear programs, differences that the compiled proofs leave open.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        Decisions
+            The verdicts (n,) and their tiers (n,).
+        """
         return self._set.decide_rest(d) if self._cells is None else self._cells.decide_rest(d)
 
     @one_thread
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Return the least and the greatest d.e over K_t, rounded outwards, tight to 1e-9 |d|_1."""
+        """Return the least and the greatest d.e over K_t.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        lo, hi : (n,) each, in units of e_k - e_1
+            Rounded outwards, and tight to 1e-9 |d|_1.
+        """
         rows = as_differences(d, self.k)
         return self._set.bounds(rows) if self._cells is None else self._cells.bounds(rows)
 
@@ -278,6 +339,11 @@ class PolytopeComparator:
 
         They are proven for every scale in K_t, with its ties taken twice as wide. Computing them is
         far cheaper than computing ``bounds``.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
 
         Returns
         -------

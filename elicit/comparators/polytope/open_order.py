@@ -135,6 +135,15 @@ class OpenOrderComparator:
     def update(self, answers: Answers) -> OpenOrderComparator:
         """Return the comparator that also knows these answers. Orders they contradict are dropped.
 
+        Parameters
+        ----------
+        answers : Answers
+            They are about k levels.
+
+        Returns
+        -------
+        OpenOrderComparator
+
         Raises
         ------
         InconsistentAnswers
@@ -154,6 +163,16 @@ class OpenOrderComparator:
     def retract(self, *ids: str) -> OpenOrderComparator:
         """Return a comparator without the answers of these ids.
 
+        Parameters
+        ----------
+        *ids : str
+            As they are in ``answers.ids``. All answers of an id are left out.
+
+        Returns
+        -------
+        OpenOrderComparator
+            With the same settings, and the other answers in their order.
+
         Raises
         ------
         ValueError
@@ -163,7 +182,17 @@ class OpenOrderComparator:
         return fresh.update(self.answers.without(ids))
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Return verdicts (n,) on differences (n, k), on which all possible orders agree."""
+        """Return verdicts on differences, on which all possible orders agree.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        (n,) int8 verdicts
+        """
         return decide_by_rule(self.rule, self._rows(d), self.decide_rest).verdicts
 
     @property
@@ -176,7 +205,18 @@ class OpenOrderComparator:
 
     @one_thread
     def decide_rest(self, d: Floats) -> Decisions:
-        """Return verdicts and tiers (n,) of differences d (n, k), by both orders' comparators."""
+        """Decide differences by the comparators of both orders.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        Decisions
+            The verdicts (n,) and their tiers (n,).
+        """
         rows = self._rows(d)
         verdicts = np.full(len(rows), Verdict.EQUAL, np.int8)
         tiers = np.zeros(len(rows), np.int8)
@@ -188,14 +228,36 @@ class OpenOrderComparator:
 
     @one_thread
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Return bounds lo (n,), hi (n,) on d.e that hold in all possible orders."""
+        """Return bounds on d.e that hold in all possible orders.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        lo, hi : (n,) each, in units of the value range
+        """
         rows = self._rows(d)
         each = np.array([scales.bounds(rows[:, order]) for order, scales in self._parts])
         return each[:, 0].min(axis=0), each[:, 1].max(axis=0)
 
     @one_thread
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
-        """Return upper bounds on d.e that hold for all rows at once, and their confidence, 1."""
+        """Return upper bounds on d.e that hold for all rows at once, and their confidence.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        hi : (n,) in units of the value range
+        confidence : float
+            Always 1.
+        """
         rows = self._rows(d)
         each = [scales.simultaneous_bounds(rows[:, order])[0] for order, scales in self._parts]
         return np.max(each, axis=0), 1.0
