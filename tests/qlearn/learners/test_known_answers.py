@@ -202,9 +202,9 @@ def test_more_audits_than_none_is_a_whole_number():
 def test_answers_are_of_their_codes():
     query = Query("q", np.array([0.5, 0.5]), np.array([1.0, 0.0]))
     for wrong in (True, np.True_, 1.0, np.float64(0.0), "better"):
-        with pytest.raises(TypeError, match="write Verdict"):
+        with pytest.raises(TypeError, match="is written 1 if left > right"):
             Answer(query, wrong)
-        with pytest.raises(TypeError, match="write Verdict"):
+        with pytest.raises(TypeError, match="is written 1 if left > right"):
             Answers([query.d], [wrong])
     for code in (1, np.int8(1), Verdict.BETTER):
         assert Answer(query, code).verdict is Verdict.BETTER
