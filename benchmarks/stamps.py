@@ -28,7 +28,6 @@ ASIDE = (  # but not of these, unless pages.toml names them: screens, commands, 
     "qlearn/problems/families/words.py",
     "qlearn/warm_up.py",
 )
-_WARN = ("warn", "warnings.warn")
 _BEFORE = "Made before pages were stamped"
 _LINE = re.compile(
     rf"^(?:Made on (\S+)|{_BEFORE},) by `([^`]*)`(?:; seeds (.*?); sources (\w+))?\."
@@ -205,8 +204,8 @@ class _Silent(ast.NodeTransformer):
         return self._silenced(node)
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
-        called = ast.unparse(node.func)
-        return self._silenced(node) if called in _WARN else self.generic_visit(node)
+        called = getattr(node.func, "attr", getattr(node.func, "id", ""))
+        return self._silenced(node) if called == "warn" else self.generic_visit(node)
 
     def visit_JoinedStr(self, node: ast.JoinedStr) -> ast.AST:
         return ast.Constant("") if self._within else self.generic_visit(node)
