@@ -324,8 +324,10 @@ def paired(choice: Choice, size: tuple[int, int, int], seeds: int) -> dict[str, 
 
 def assumed(text: str) -> Iterator[str | Cells]:
     steps = int(re.search(r"([\d,]+) steps", text)[1].replace(",", ""))
-    seeds = number(text, "default", place=1)
-    yield cells(assumptions.table({"default": paired(Choice(), (100, 10, steps), seeds)})[-1])
+    name, choices = "tutor never errs", assumptions.choices()  # needs the fewest runs
+    seeds, size = number(text, name, place=1), (100, 10, steps)
+    found = {each: paired(choices[each], size, seeds) for each in ("default", name)}
+    yield cells(assumptions.table(found)[-1])
 
 
 def read_literally(text: str) -> Iterator[str | Cells]:

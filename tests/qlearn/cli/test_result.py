@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -17,16 +18,23 @@ from tests.interpreter import ROOT
 TABLE = "name,died,ill,well\nold,2,3,5\nnew,3,1,6\nnone,1,8,1\n"
 
 
+@pytest.fixture(scope="module")
+def answered(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a table, and the log of a person who answered six questions about it."""
+    folder = tmp_path_factory.mktemp("answered")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        Path("care.csv").write_text(TABLE)
+        patch.setattr(sys, "stdin", io.StringIO("a\n1\n" * 7))
+        assert main(["teach", "--problem", "care.csv", "--unit", "patients", "--seed", "2"]) == 0
+    return folder
+
+
 @pytest.fixture
-def log(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Path:
-    """Return the log of a person who answered six questions about a table, and its conflicts."""
+def log(answered: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the path of a copy of that log, in a folder of its own that is the working one."""
+    shutil.copytree(answered, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
-    Path("care.csv").write_text(TABLE)
-    monkeypatch.setattr(sys, "stdin", io.StringIO("a\n1\n" * 7))
-    assert main(["teach", "--problem", "care.csv", "--unit", "patients", "--seed", "2"]) == 0
-    capsys.readouterr()
     return Path("answers-care.jsonl")
 
 
