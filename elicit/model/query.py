@@ -50,9 +50,9 @@ def as_verdict(code: Any) -> Verdict:
     """
     if isinstance(code, (bool, np.bool_)) or not isinstance(code, (int, np.integer)):
         raise TypeError(
-            "a verdict is Verdict.BETTER, WORSE or EQUAL (1, -1, 0), or None for 'cannot tell', "
-            f"not {code!r}; a comparison of two numbers is written 1 if left > right else -1 if "
-            "left < right else 0"
+            f"a verdict is Verdict.BETTER, WORSE or EQUAL (1, -1, 0), not {code!r}; a comparison "
+            "of two numbers is written 1 if left > right else -1 if left < right else 0, and the "
+            "answer of a tutor who cannot tell is elicit.Answer(query, None)"
         )
     if code not in (-1, 0, 1):
         raise ValueError(
