@@ -120,16 +120,17 @@ def sources(program: str) -> str:
     -------
     str
         The hash of the code in elicit/ and qlearn/ but for what is ``ASIDE``, of the program's own
-        folder, and of what pages.toml names beside them. For a notebook: of elicit/, qlearn/, the
-        code of its cells, and the tables in notebooks/data that they name. Comments, docstrings,
+        folder, and of what pages.toml names beside them. For a notebook: of elicit/ (its
+        testing/ only if a cell names it), qlearn/, the code of its cells, and the tables in
+        notebooks/data that they name. Comments, docstrings,
         and the text of errors and warnings do not count.
     """
     digest = hashlib.blake2b(digest_size=5)
     places, aside = [*EVERYWHERE], {*ASIDE}
     if program.endswith(".ipynb"):
-        aside.clear()
         cells = json.loads((ROOT / program).read_text(encoding="utf-8"))["cells"]
         code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+        aside = set() if "elicit.testing" in code else {"elicit/testing"}
         digest.update(_bare(code))
         for table in sorted((ROOT / "notebooks" / "data").glob("*.csv")):
             digest.update(table.read_bytes() if table.name in code else b"")

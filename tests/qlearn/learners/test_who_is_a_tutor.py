@@ -54,7 +54,7 @@ def test_what_is_no_tutor_for_these_questions_is_refused_before_the_first(tutor,
 @pytest.mark.parametrize(
     ("reply", "complaint"),
     [
-        (lambda q: int(np.sign((q.right - q.left) @ [0, 1, 2, 3])), "in all 5 questions: are"),
+        (lambda q: int(np.sign((q.right - q.left) @ [0, 1, 2, 3])), "in 5 of 5 questions: are"),
         (lambda q: 0, "prefers neither in all 5 questions"),
         (lambda q: Answer(q, None), "prefers neither in all 5 questions"),
         (lambda q: None, r"where it cannot tell, elicit.Answer\(query, None\)"),
@@ -71,3 +71,12 @@ def test_an_error_of_a_tutor_for_other_levels_says_how_many_were_asked_about():
     assert failed.value.__notes__ == [
         "check_tutor asked about k = 4 levels: has your tutor as many?"
     ]
+
+
+def test_sides_exchanged_are_noticed_of_a_tutor_who_errs_and_who_errs_is_not_blamed():
+    values = [0, 1, 2, 3]
+    for seed in range(40):
+        errs = FlippingTutor(values, error_rate=0.1, seed=seed)
+        with pytest.raises(AssertionError, match=r"of (5|15) questions: are left and right"):
+            check_tutor(lambda q, errs=errs: -errs(q).verdict, 4)
+        check_tutor(FlippingTutor(values, error_rate=0.2, seed=seed), 4)
