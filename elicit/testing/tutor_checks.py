@@ -29,7 +29,8 @@ def check_tutor(tutor: Tutor, k: int, truthful: bool = False, seed: Seed | None 
     Raises
     ------
     AssertionError
-        If the tutor breaks the contract.
+        If the tutor breaks the contract, or prefers the worst level to the best in at least two of
+        three questions.
     """
     wanted(lambda: check_tutor_made(tutor, k))
     d = sample_differences(k, seed)

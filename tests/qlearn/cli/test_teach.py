@@ -736,7 +736,7 @@ def test_icu_sepsis_is_asked_about_patients(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    code, shown, _ = taught("a\nq\n", monkeypatch, capsys)
+    code, shown, _ = taught("a\n", monkeypatch, capsys)
     assert code == 0
     assert shown.startswith("ICU-Sepsis\nThe patients are alike at the start.")
     first = r"Question 1 \(about 10 to \d\d more\)\n\nTwo groups of 10 patients: which would "

@@ -25,6 +25,13 @@ def summary() -> pd.DataFrame:
     return summarise(rows[(rows.problem != "random") | (rows.k == 10)])
 
 
+@pytest.fixture
+def few(summary: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of all problems, in a quick run those of the first two."""
+    problems = summary.problem.unique()
+    return summary[summary.problem.isin(problems[: scaled(2, len(problems))])]
+
+
 def markers(axes: Axes) -> dict[str, list[tuple[float, float]]]:
     """Return the places of markers, by their colour; hollow ones have the colour "hollow"."""
     found: dict[str, list[tuple[float, float]]] = {}
@@ -36,11 +43,9 @@ def markers(axes: Axes) -> dict[str, list[tuple[float, float]]]:
     return {name: at for name, at in found.items() if at}
 
 
-def test_the_ablation_shows_every_mean_beside_its_error_rate(summary: pd.DataFrame) -> None:
-    problems = summary.problem.unique()
-    summary = summary[summary.problem.isin(problems[: scaled(2, len(problems))])]
-    plain = summary[summary.audit == 0]
-    figure = plot_ablation(summary, max_queries=2000, names={"random": "ten levels"})
+def test_the_ablation_shows_every_mean_beside_its_error_rate(few: pd.DataFrame) -> None:
+    plain = few[few.audit == 0]
+    figure = plot_ablation(few, max_queries=2000, names={"random": "ten levels"})
     learners = plain.learner.nunique()
     grid = np.array(figure.axes).reshape(-1, 2, learners)  # problems; questions, loss; learners
     assert [axes.get_title() for axes in grid[0, 0]] == [
@@ -128,8 +133,8 @@ def test_a_line_shows_the_loss_of_asking_nothing_where_it_is_known(summary: pd.D
     assert drawn.axes[1].get_ylim()[1] > 100 * level
 
 
-def test_no_interval_of_questions_or_losses_reaches_below_none(summary: pd.DataFrame) -> None:
-    wide = summary[summary.problem == "random"].assign(asked_half=1e6, loss_half=1.0)
+def test_no_interval_of_questions_or_losses_reaches_below_none(few: pd.DataFrame) -> None:
+    wide = few.assign(asked_half=1e6, loss_half=1.0)
     for axes in plot_ablation(wide).axes:
         assert {low for low, _ in bars(axes)} == {0.0}
         assert axes.get_ylim()[0] == 0
