@@ -122,8 +122,8 @@ def sources(program: str) -> str:
         The hash of the code in elicit/ and qlearn/ but for what is ``ASIDE``, of the program's own
         folder, and of what pages.toml names beside them. For a notebook: of elicit/ (its
         testing/ only if a cell names it), qlearn/, the code of its cells, and the tables in
-        notebooks/data that they name. Comments, docstrings,
-        and the text of errors and warnings do not count.
+        notebooks/data that they name. Comments, docstrings, and the text of errors, warnings,
+        statuses and help do not count.
     """
     digest = hashlib.blake2b(digest_size=5)
     places, aside = [*EVERYWHERE], {*ASIDE}
@@ -184,7 +184,7 @@ def _code_of(name: str, changed: int) -> bytes:
 def _bare(code: str) -> bytes:
     """Return code without what no number depends on, in the same layout whoever wrote it.
 
-    These are comments, docstrings, and the text of errors that are raised and of warnings.
+    These are comments, docstrings, and the text of errors, warnings, statuses and help.
     """
     tree = _Silent().visit(ast.parse(code))
     for node in ast.walk(tree):
@@ -196,7 +196,7 @@ def _bare(code: str) -> bytes:
 
 
 class _Silent(ast.NodeTransformer):
-    """Replaces the text of errors and warnings by nothing."""
+    """Replaces the text of errors, warnings, statuses and help by nothing."""
 
     def __init__(self) -> None:
         self._within = False
@@ -204,12 +204,29 @@ class _Silent(ast.NodeTransformer):
     def visit_Raise(self, node: ast.Raise) -> ast.AST:
         return self._silenced(node)
 
+    def visit_ClassDef(self, node: ast.ClassDef) -> ast.AST:
+        return self._silenced(node) if node.name == "Status" else self.generic_visit(node)
+
     def visit_Call(self, node: ast.Call) -> ast.AST:
         called = getattr(node.func, "attr", getattr(node.func, "id", ""))
-        return self._silenced(node) if called == "warn" else self.generic_visit(node)
+        if called == "setting":
+            del node.args[2:3]  # its help
+        silent = called in ("warn", "require", "reject")
+        return self._silenced(node) if silent else self.generic_visit(node)
 
     def visit_JoinedStr(self, node: ast.JoinedStr) -> ast.AST:
         return ast.Constant("") if self._within else self.generic_visit(node)
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        return self._text_of_parts(node)
+
+    def visit_IfExp(self, node: ast.IfExp) -> ast.AST:
+        return self._text_of_parts(node)
+
+    def _text_of_parts(self, node: ast.expr) -> ast.AST:
+        parts = [part.value for part in ast.walk(node) if isinstance(part, ast.Constant)]
+        text = self._within and any(isinstance(part, str) for part in parts)
+        return ast.Constant("") if text else self.generic_visit(node)
 
     def visit_Constant(self, node: ast.Constant) -> ast.AST:
         return ast.Constant("") if self._within and isinstance(node.value, str) else node

@@ -37,8 +37,8 @@ class Status(Enum):
         "gap"
     )
     CALLED_EQUAL = (
-        "stopped: of what could still matter, the tutor calls all pairs equal, or may by the "
-        "comparator's tie; loss_bound says how much may be lost"
+        "stopped: the tutor calls every pair equal that could still matter, or may call it equal "
+        "by the comparator's tie; loss_bound says how much may be lost"
     )
     UNSURE = (
         "finished, but the tutor could not tell some pairs apart (cannot_tell): the one that was "
@@ -50,8 +50,8 @@ class Status(Enum):
         "scale; raise max_queries"
     )
     EXHAUSTED = (
-        "stopped: whatever could still matter, the tutor has answered already or could not tell; "
-        "loss_bound says how much that can matter; simple questions may tell more (bags=)"
+        "stopped: the tutor has answered all that could still matter, or could not tell; "
+        "loss_bound says how much may be lost; simple questions may tell more (bags=)"
     )
     SWEEP_LIMIT = (
         "stopped at the limit of sweeps before converging: raise max_sweeps or the tolerance"

@@ -123,7 +123,15 @@ def numbers(
             ) from None
     if shape is not None and array.shape != shape:
         each = ", one entry for each state" if len(shape) == 1 else ""
-        raise ValueError(f"{name} must have shape {shape}{each}, not {array.shape}")
+        raise ValueError(
+            f"{name} must have shape {shape}{each}, not {array.shape}"
+            + (
+                ": if it is the same for every action, give "
+                f"np.repeat(np.c_[{name}], {shape[1]}, axis=1)"
+                if len(shape) == 2 and array.shape == shape[:1]
+                else ""
+            )
+        )
     return array
 
 
@@ -171,7 +179,7 @@ def _int32(name: str, array: NDArray[Any], start: int = 0) -> Indices:
     if array.dtype == np.int32:
         return array
     bad = ~(array == np.floor(array)) | (np.abs(array) > 2**31 - 1)
-    reject(name, array, bad, "must be a 32-bit whole number", start)
+    reject(name, array, bad, "must be a whole number of at most 2147483647", start)
     return array.astype(np.int32)
 
 

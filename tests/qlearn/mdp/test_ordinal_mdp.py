@@ -292,8 +292,12 @@ P = parts()["probabilities"]
             ValueError,
             r"successors\[0, 0, 0\] is 0.5.*whole",
         ),
-        ({"successors": np.full((3, 2, 2), 2.0**40)}, ValueError, "32-bit whole"),
-        ({"levels": [0, 1, 2]}, ValueError, r"levels must have shape \(3, 2\), not \(3,\)"),
+        ({"successors": np.full((3, 2, 2), 2.0**40)}, ValueError, "whole number of at most"),
+        (
+            {"levels": [0, 1, 2]},
+            ValueError,
+            r"must have shape \(3, 2\), not \(3,\).* np.repeat\(np.c_\[levels\], 2, axis=1\)",
+        ),
         (
             {"levels": [[0, 1], [1, 0], [3, 3]]},
             ValueError,
