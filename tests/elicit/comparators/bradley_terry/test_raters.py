@@ -162,7 +162,7 @@ FIVE = ("ann", "ben", "chen", "dora", "eve")
 
 @pytest.mark.slow
 def test_a_rater_at_random_hardly_moves_the_scale() -> None:
-    seeds, each = range(10), 40
+    seeds, each = range(20), 40
     pooled, apart = (
         np.mean([moved(seed, each, raters=raters) for seed in seeds]) for raters in (False, True)
     )
