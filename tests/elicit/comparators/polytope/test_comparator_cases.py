@@ -78,7 +78,7 @@ def test_verdicts_and_bounds_are_exact(part: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("part", range(25))
+@pytest.mark.parametrize("part", range(50))
 def test_verdicts_and_bounds_are_exact_in_many_more_cases(part: int) -> None:
     for i, case in enumerate(cases([7, part], 200, asks=6)):
         check(case, (i // len(KINDS) + i) % 3)
