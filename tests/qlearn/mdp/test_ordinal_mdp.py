@@ -296,7 +296,8 @@ P = parts()["probabilities"]
         (
             {"levels": [0, 1, 2]},
             ValueError,
-            r"must have shape \(3, 2\), not \(3,\).* np.repeat\(np.c_\[levels\], 2, axis=1\)",
+            r"levels must have shape \(3, 2\), not \(3,\): .* "
+            r"np.repeat\(np.c_\[levels\], 2, axis=1\)",
         ),
         (
             {"levels": [[0, 1], [1, 0], [3, 3]]},
