@@ -119,8 +119,9 @@ def sources(program: str) -> str:
     Returns
     -------
     str
-        The hash of the code in elicit/ and qlearn/ but for what is ``ASIDE``, of the program's own
-        folder, and of what pages.toml names beside them. For a notebook: of elicit/ (its
+        The hash of the code in elicit/ and qlearn/ but for what is ``ASIDE``, of the program, of
+        the modules in folders of benchmarks/ that it imports, itself or by another of them, and of
+        what pages.toml names beside them. For a notebook: of elicit/ (its
         testing/ only if a cell names it), qlearn/, the code of its cells, and the tables in
         notebooks/data that they name. Comments, docstrings, and the text of errors, warnings,
         statuses and help do not count.
@@ -135,8 +136,7 @@ def sources(program: str) -> str:
         for table in sorted((ROOT / "notebooks" / "data").glob("*.csv")):
             digest.update(table.read_bytes() if table.name in code else b"")
     elif program.startswith("benchmarks."):
-        path = Path(*program.split("."))
-        places.append(f"{path}.py" if path.parent == Path("benchmarks") else str(path.parent))
+        places += sorted(_with_imported(program))
         for page in manifest():
             places += page.get("sources", []) if page["command"].split()[0] == program else []
         aside -= {*places}
@@ -166,6 +166,30 @@ def _files(place: str) -> list[str]:
     return sorted(found, key=lambda name: name.split("/"))
 
 
+def _with_imported(program: str) -> set[str]:
+    """Return the paths of a program and of the modules that it imports in folders of benchmarks.
+
+    Modules that lie in benchmarks/ itself, but for the program, write pages and make no numbers.
+    """
+    found, left = set[str](), [program]
+    while left:
+        path = left.pop().replace(".", "/")
+        name = f"{path}/__init__.py" if os.path.isdir(f"{ROOT}/{path}") else f"{path}.py"
+        if name not in found and os.path.isfile(f"{ROOT}/{name}"):
+            found.add(name)
+            modules = _imports_of(name, os.stat(f"{ROOT}/{name}").st_mtime_ns)
+            left += [module for module in modules if _in_folder(module)]
+    return found
+
+
+def _in_folder(module: str) -> bool:
+    """Return whether a module or a package lies in a folder of benchmarks, or is one."""
+    path = module.replace(".", "/")
+    return module.startswith("benchmarks.") and (
+        module.count(".") > 1 or os.path.isdir(f"{ROOT}/{path}")
+    )
+
+
 def manifest() -> list[dict[str, Any]]:
     """Return the entries of pages.toml."""
     found: list[dict[str, Any]] = tomllib.loads(
@@ -179,6 +203,18 @@ def _code_of(name: str, changed: int) -> bytes:
     """Return a hash of the code of a file that was last changed at that time."""
     code = (ROOT / name).read_text(encoding="utf-8")
     return hashlib.blake2b(_bare(code), digest_size=16).digest()
+
+
+@cache
+def _imports_of(name: str, changed: int) -> list[str]:
+    """Return what a file that was last changed at that time imports: modules, or names in them."""
+    found = []
+    for node in ast.walk(ast.parse((ROOT / name).read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            found += [node.module, *(f"{node.module}.{each.name}" for each in node.names)]
+        elif isinstance(node, ast.Import):
+            found += [each.name for each in node.names]
+    return found
 
 
 def _bare(code: str) -> bytes:

@@ -1,7 +1,7 @@
 """Questions and waiting times of a person in sessions of ICU-Sepsis: RESULTS-sessions.md.
 
     python -m benchmarks.asking.person_sessions --out benchmarks/RESULTS-sessions.md
-        # ten minutes on two idle cores
+        # an hour
     python -m benchmarks.asking.person_sessions --scales 1 --browser ""
         # without the browser; rough
 
@@ -27,6 +27,7 @@ import numpy as np
 from benchmarks.reporting import machine, markdown, publish, with_interval
 from elicit import AnswerLog, Interview, Session
 from elicit.model.scale import Floats
+from elicit.person.course.counts import Counts
 from qlearn import equal_gaps_policy, icu_sepsis, policy_loss, unasked_loss
 from qlearn.cli.teach_subjects import taught_by
 from qlearn.mdp.planning import Actions
@@ -49,11 +50,12 @@ class Setting(NamedTuple):
 class Run(NamedTuple):
     """The result of a session.
 
-    It has the number of answers without repeats, the bound that is stated and its confidence, the
-    loss, and the loss of asking nothing.
+    It has the number of answers, how many of them are to repeated questions, the bound that is
+    stated and its confidence, the loss, and the loss of asking nothing.
     """
 
     answered: int
+    repeated: int
     bound: float
     confidence: float
     loss: float
@@ -81,6 +83,7 @@ HEAD = (
     "runs",
     "asked nothing",
     "questions",
+    "of them new",
     "least",
     "median",
     "most",
@@ -152,7 +155,8 @@ def session(setting: Setting, number: int) -> Run:
         result = one.result()
     loss = float(policy_loss(mdp, result.policy, values).max())
     unasked = unasked_loss(mdp, values, _equal_gaps()).worst
-    return Run(screen["answered"], result.loss_bound, result.confidence, loss, unasked)
+    repeated = Counts.of(one.log).repeated
+    return Run(screen["answered"], repeated, result.loss_bound, result.confidence, loss, unasked)
 
 
 @cache
@@ -171,6 +175,7 @@ def row_of(setting: Setting, runs: list[Run]) -> list[str]:
         f"{len(runs)}",
         with_interval([run.unasked for run in runs], 4),
         with_interval(asked, 1),
+        with_interval([run.answered - run.repeated for run in runs], 1),
         f"{min(asked)}",
         f"{np.median(asked):g}",
         f"{max(asked)}",
@@ -246,11 +251,9 @@ def report(scales: int, browser: str) -> Iterator[list[str]]:
     """The parts of the page."""
     yield ["# Sessions of a person", "", machine()]
     yield [
-        "ICU-Sepsis, bags of 10 patients, defaults of `qlearn teach` but for the repeated "
-        "questions, which are left "
-        "out here. Hidden scales with uniform spacings, one a run. Questions: mean with its 95% "
-        "interval, least, "
-        "median, most. *Asked nothing*: loss of the policy that is best if all gaps between levels "
+        "ICU-Sepsis, bags of 10 patients, defaults of `qlearn teach`. Hidden scales with uniform "
+        "spacings, one a run. Questions: all that the person answers, mean with its 95% interval; "
+        "how many of them are *new*, not put again to check an answer; least, median, most. *Asked nothing*: loss of the policy that is best if all gaps between levels "
         "are equal, mean. Bound and losses are shares of the value range, from all died to all "
         "recovered."
     ]
@@ -283,9 +286,13 @@ def _named(setting: Setting) -> list[str]:
     return [setting.comparator, f"{setting.tolerance:g}", f"{setting.flips:.0%}"]
 
 
-def _place(screen: dict[str, Any]) -> tuple[str, str | None]:
+def _place(screen: dict[str, Any]) -> tuple[str, str | None, int]:
+    """Return what differs between a screen and the next one.
+
+    The number of answers is part of it, since one answer may be in two conflicts in a row.
+    """
     put = screen["question"] or screen["conflict"]
-    return screen["stage"], put and put["id"]
+    return screen["stage"], put and put["id"], screen["answered"]
 
 
 def main() -> None:
