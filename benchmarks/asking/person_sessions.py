@@ -253,8 +253,9 @@ def report(scales: int, browser: str) -> Iterator[list[str]]:
     yield [
         "ICU-Sepsis, bags of 10 patients, defaults of `qlearn teach`. Hidden scales with uniform "
         "spacings, one a run. Questions: all that the person answers, mean with its 95% interval; "
-        "how many of them are *new*, not put again to check an answer; least, median, most. *Asked nothing*: loss of the policy that is best if all gaps between levels "
-        "are equal, mean. Bound and losses are shares of the value range, from all died to all "
+        "how many of them are *new*, not put again to check an answer; least, median, most. *Asked "
+        "nothing*: loss of the policy that is best if all gaps between levels are equal, mean. "
+        "Bound and losses are shares of the value range, from all died to all "
         "recovered."
     ]
     rows = (

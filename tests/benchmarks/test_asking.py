@@ -255,7 +255,9 @@ def test_a_line_on_sessions_counts_answers_and_broken_bounds():
         setting, [run, run._replace(answered=run.answered + 2, loss=run.bound + 0.001)]
     )
     assert cells[:5] == ["polytope", "0.01", "0%", "0", "2"]
-    assert cells[7:10] == [str(run.answered), str(run.answered + 1), str(run.answered + 2)]
+    assert 0 < run.repeated < run.answered
+    assert cells[7].startswith(f"{run.answered - run.repeated + 1}.0 ")
+    assert cells[8:11] == [str(run.answered), str(run.answered + 1), str(run.answered + 2)]
     assert cells[-1] == "1 of 2"
 
 
