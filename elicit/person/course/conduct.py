@@ -196,7 +196,7 @@ class Conduct:
     def passed(self) -> bool:
         """True if there were enough checks, and enough of them were answered alike.
 
-        About 6% of people who answer by chance pass, and 98% of those who answer one check in 20
+        About 6% of people who answer by chance pass, and 97% of those who answer one check in 20
         differently.
         """
         return self._alike_missing <= 0

@@ -156,17 +156,26 @@ def test_many_answers_taken_back_as_contradictions_are_said(
     assert (conduct(log).caution() is not None) == said
 
 
-def test_few_pass_the_checks_by_chance() -> None:
-    chance, passed, n = random.Random(0), 0, 4000
+@pytest.mark.parametrize(
+    ("differ", "pass_them", "like_chance"),
+    [(0.5, 0.06, 0.92), (0.05, 0.97, 0.025), (0.1, 0.885, 0.09)],
+)
+def test_few_pass_the_checks_by_chance_and_few_who_answer_alike_are_doubted(
+    differ: float, pass_them: float, like_chance: float
+) -> None:
+    """The shares are those of docs/sessions.md."""
+    chance, passed, doubted, n = random.Random(0), 0, 0, 4000
     for _ in range(n):
         checks = differed = 0
         while True:
             one = Conduct(20, 20, checks, differed, "a", 1)
             if one.passed or one.caution() is not None:
                 break
-            checks, differed = checks + 1, differed + (chance.random() < 0.5)
+            checks, differed = checks + 1, differed + (chance.random() < differ)
         passed += one.passed
-    assert 0.04 < passed / n < 0.08
+        doubted += one.like_chance
+    assert abs(passed / n - pass_them) < 0.015
+    assert abs(doubted / n - like_chance) < 0.015
 
 
 def test_a_repeat_that_the_person_settled_still_counts_and_one_taken_back_does_not() -> None:
