@@ -251,12 +251,12 @@ def report(scales: int, browser: str) -> Iterator[list[str]]:
     """The parts of the page."""
     yield ["# Sessions of a person", "", machine()]
     yield [
-        "ICU-Sepsis, bags of 10 patients, defaults of `qlearn teach`. Hidden scales with uniform "
-        "spacings, one a run. Questions: all that the person answers, mean with its 95% interval; "
-        "how many of them are *new*, not put again to check an answer; least, median, most. *Asked "
-        "nothing*: loss of the policy that is best if all gaps between levels are equal, mean. "
-        "Bound and losses are shares of the value range, from all died to all "
-        "recovered."
+        "ICU-Sepsis, bags of 10 patients. A session goes on until the plan is settled. Hidden "
+        "scales with uniform spacings, one a run. Questions: all that the person answers, mean "
+        "with its 95% interval; how many of them are *new*, not put again to check an answer; "
+        "least, median, most. *Asked nothing*: loss of the policy that is best if all gaps between "
+        "levels are equal, mean. Bound and losses are shares of the value range, from all died to "
+        "all recovered."
     ]
     rows = (
         row_of(setting, [session(setting, number) for number in range(scales)])
@@ -268,9 +268,9 @@ def report(scales: int, browser: str) -> Iterator[list[str]]:
             "## Waiting",
             "",
             "In a browser (headless Chromium), from a key to the next question, by a person who "
-            f"reads {READING:g} s; "
-            "with repeated questions. Address: from the command to the printed address; first "
-            "question: from there.",
+            f"reads {READING:g} s. They are asked as the welcome screen proposes: until the values "
+            "of the levels are known, which takes more questions than above. Address: from the "
+            "command to the printed address; first question: from there.",
         ]
         with tempfile.TemporaryDirectory() as folder:
             places = [Path(folder) / str(i) for i in range(len(IN_BROWSER))]
