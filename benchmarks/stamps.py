@@ -173,21 +173,15 @@ def _with_imported(program: str) -> set[str]:
     """
     found, left = set[str](), [program]
     while left:
-        path = left.pop().replace(".", "/")
+        module = left.pop()
+        path = module.replace(".", "/")
         name = f"{path}/__init__.py" if os.path.isdir(f"{ROOT}/{path}") else f"{path}.py"
-        if name not in found and os.path.isfile(f"{ROOT}/{name}"):
+        in_folder = name.startswith("benchmarks/") and name.count("/") > 1
+        wanted = name not in found and (in_folder or module == program)
+        if wanted and os.path.isfile(f"{ROOT}/{name}"):
             found.add(name)
-            modules = _imports_of(name, os.stat(f"{ROOT}/{name}").st_mtime_ns)
-            left += [module for module in modules if _in_folder(module)]
+            left += _imports_of(name, os.stat(f"{ROOT}/{name}").st_mtime_ns)
     return found
-
-
-def _in_folder(module: str) -> bool:
-    """Return whether a module or a package lies in a folder of benchmarks, or is one."""
-    path = module.replace(".", "/")
-    return module.startswith("benchmarks.") and (
-        module.count(".") > 1 or os.path.isdir(f"{ROOT}/{path}")
-    )
 
 
 def manifest() -> list[dict[str, Any]]:

@@ -178,13 +178,9 @@ def test_no_number_comes_from_code_that_is_set_aside():
 
 def imported(file: Path) -> set[str]:
     """The modules that a file imports, be it by a public name of elicit or qlearn."""
-    found = set()
+    found = {*stamps._imports_of(file.relative_to(ROOT).as_posix(), 0)}
     for node in ast.walk(parsed(file)):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            found |= {node.module} | {f"{node.module}.{each.name}" for each in node.names}
-        elif isinstance(node, ast.Import):
-            found |= {each.name for each in node.names}
-        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
             found.add(f"{node.value.id}.{node.attr}")
     public = {
         f"{package.__name__}.{name}": module
