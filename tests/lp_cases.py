@@ -9,7 +9,7 @@ the dual program, in exact integers, decides.
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
@@ -44,8 +44,22 @@ def exact(numbers: Sequence[float]) -> Rationals:
     return [Fraction(float(x)) for x in numbers]
 
 
-def dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
-    return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
+def whole(numbers: Sequence[Fraction]) -> tuple[list[int], int]:
+    """Fractions as integers over one denominator."""
+    below = [x.denominator for x in numbers]
+    unit = math.lcm(*below)
+    return [x.numerator * (unit // d) for x, d in zip(numbers, below, strict=True)], unit
+
+
+def added(numbers: Iterable[Fraction]) -> Fraction:
+    """The sum, in integers: Fractions would be reduced to lowest terms after each step."""
+    whole_numbers, unit = whole(list(numbers))
+    return Fraction(sum(whole_numbers), unit)
+
+
+def dot(a: Sequence[Fraction], b: Sequence[Fraction]) -> Fraction:
+    (m, unit_a), (n, unit_b) = whole(a), whole(b)
+    return Fraction(sum(x * y for x, y in zip(m, n, strict=True)), unit_a * unit_b)
 
 
 @dataclass
@@ -71,7 +85,7 @@ class Region:
 
     def contains(self, g: Rationals) -> bool:
         rows = all(dot(row, g) >= limit for row, limit in zip(self.rows, self.rhs, strict=True))
-        return sum(g) == 1 and min(g) >= self.margin and rows
+        return added(g) == 1 and min(g) >= self.margin and rows
 
 
 def region_of(
@@ -147,9 +161,7 @@ class Oracle:
             return None
         fixed = [j for j in range(region.p) if j not in set(free)]
         matrix = [[Fraction(1)] * len(free)] + [[region.rows[i][j] for j in free] for i in active]
-        at_margin = [
-            sum((region.rows[i][j] for j in fixed), Fraction(0)) * region.margin for i in active
-        ]
+        at_margin = [added(region.rows[i][j] for j in fixed) * region.margin for i in active]
         limits = [1 - len(fixed) * region.margin]
         limits += [region.rhs[i] - m for i, m in zip(active, at_margin, strict=True)]
         x = solve_exactly(matrix, limits)
@@ -162,22 +174,13 @@ class Oracle:
         for j, value in zip(free, x, strict=True):
             g[j] = value
         for j in fixed:
-            if (
-                t[j] - y[0] - sum(w * region.rows[i][j] for w, i in zip(y[1:], active, strict=True))
-                < 0
-            ):
+            if t[j] - y[0] < dot(y[1:], [region.rows[i][j] for i in active]):
                 return None
         slack = self._rows @ np.array([float(v) for v in g]) - self._rhs
         for i in np.flatnonzero(slack < 1e-6):  # rows are of order 1: the others hold beyond doubt
             if dot(region.rows[i], g) < region.rhs[i]:
                 return None
         return Fraction(dot(t, g))
-
-
-def whole(numbers: Sequence[Fraction]) -> tuple[list[int], int]:
-    """Fractions as integers over one denominator."""
-    unit = math.lcm(*(x.denominator for x in numbers))
-    return [x.numerator * (unit // x.denominator) for x in numbers], unit
 
 
 def solve_exactly(matrix: list[Rationals], right: Rationals) -> Rationals | None:
@@ -211,7 +214,8 @@ def least_from_scratch(t: Rationals, region: Region) -> Fraction | None:
     p, m, low = region.p, len(region.rows), min(t)
     total = 1 - p * region.margin
     limits = [
-        limit - region.margin * sum(row) for row, limit in zip(region.rows, region.rhs, strict=True)
+        limit - region.margin * added(row)
+        for row, limit in zip(region.rows, region.rhs, strict=True)
     ]
     # columns: mu+, mu-, the multipliers, the slacks, the right-hand side; last row: the objective
     tableau = np.zeros((p + 1, m + p + 3), dtype=object)
@@ -234,7 +238,7 @@ def least_from_scratch(t: Rationals, region: Region) -> Fraction | None:
             return (
                 low * total
                 + Fraction(-tableau[p, -1], denominator * common * unit_t)
-                + region.margin * sum(t)
+                + region.margin * added(t)
             )
         # the best relative gain at first, then the first (Bland 1977), which ends
         size = (
