@@ -233,7 +233,8 @@ def ranges(text: str) -> Iterator[str | Cells]:
 
 def scale(text: str) -> Iterator[str | Cells]:
     row = certify_at_scale.row("random", 1000, 0.95, number(text, "1,000", "0.95", place=2), 600.0)
-    yield [None if i in (3, 4, 5, 11) else cell for i, cell in enumerate(row)]  # seconds and memory
+    seconds_ratio_and_memory = (3, 4, 5, 6, 7, 13)
+    yield [None if i in seconds_ratio_and_memory else cell for i, cell in enumerate(row)]
 
 
 def grown(text: str) -> Iterator[str | Cells]:

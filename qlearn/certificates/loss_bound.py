@@ -103,7 +103,8 @@ def loss_bound(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator) -> Gu
 def loses_at_most(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator, most: float) -> bool:
     """Return whether ``policy`` (S,) certainly loses at most ``most`` under every plausible scale.
 
-    The result is False if the bound cannot show it.
+    ``most`` is below 1, since no policy loses more than 1. The result is False if the bound cannot
+    show it.
     """
     return guarantee(mdp, advantages_over(mdp, policy), comparator, most).loss_bound <= most
 
@@ -114,7 +115,7 @@ def guarantee(
 ) -> Guarantee:
     """Return the loss bound of a policy, given the advantages over it.
 
-    If the bound exceeds ``enough``, the result may be inf.
+    If the bound exceeds ``enough``, which is below 1, the result may be inf.
     """
     if unordered_of(comparator) is not None:
         # the doubt is of one tail sum; in the other order a tail sum is made of three of them,
