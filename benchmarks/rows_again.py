@@ -103,7 +103,12 @@ def alike(made: str | None, there: str) -> bool:
 def cells(line: str, *timed: int) -> Cells:
     """Return the cells of a line of Markdown, except those in the places ``timed``."""
     (row,) = table_rows(line)
-    return [None if i - len(row) in timed or i in timed else cell for i, cell in enumerate(row)]
+    return without(row, *timed)
+
+
+def without(row: list[str], *places: int) -> Cells:
+    """Return the cells of a row, with None in some places, counted from either end."""
+    return [None if i - len(row) in places or i in places else cell for i, cell in enumerate(row)]
 
 
 def under(text: str, heading: str) -> str:
@@ -233,8 +238,8 @@ def ranges(text: str) -> Iterator[str | Cells]:
 
 def scale(text: str) -> Iterator[str | Cells]:
     row = certify_at_scale.row("random", 1000, 0.95, number(text, "1,000", "0.95", place=2), 600.0)
-    seconds_ratio_and_memory = (3, 4, 5, 6, 7, 13)
-    yield [None if i in seconds_ratio_and_memory else cell for i, cell in enumerate(row)]
+    timed = ("seconds", "values known", "ratio", "peak memory")  # columns may be added to the page
+    yield without(row, *(i for i, at in enumerate(certify_at_scale.HEAD) if at.startswith(timed)))
 
 
 def grown(text: str) -> Iterator[str | Cells]:
@@ -243,9 +248,9 @@ def grown(text: str) -> Iterator[str | Cells]:
         learned = growth_by_size.learned("Q-learning, polytope", 100, growth_by_size.LEVELS)
         informed = growth_by_size.informed("polytope", 10)
     row = growth_by_size.row("states", "Q-learning, polytope", 100, learned)
-    yield [None if i in (3, 5) else cell for i, cell in enumerate(row)]
+    yield without(row, 3, 5)
     row = growth_by_size.row("answers", "polytope", 10, informed)
-    yield [None if i in (3, 4, 6) else cell for i, cell in enumerate(row)]
+    yield without(row, 3, 4, 6)
 
 
 def calibrated(setting: int, rule: str) -> Again:

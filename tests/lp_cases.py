@@ -180,7 +180,7 @@ class Oracle:
         for i in np.flatnonzero(slack < 1e-6):  # rows are of order 1: the others hold beyond doubt
             if dot(region.rows[i], g) < region.rhs[i]:
                 return None
-        return Fraction(dot(t, g))
+        return dot(t, g)
 
 
 def solve_exactly(matrix: list[Rationals], right: Rationals) -> Rationals | None:
@@ -358,8 +358,7 @@ def tie_with(rng: Rng, truth: Rationals) -> Floats:
     """A difference of few bits that is exactly 0 under the truth; no difference where the truth has
     too many bits.
     """
-    unit = math.lcm(*(g.denominator for g in truth))
-    weights = [int(g * unit) for g in truth]
+    weights, _ = whole(truth)
     t = np.zeros(len(truth))
     if len(truth) > 1 and max(weights) < 2**50:
         a, b = rng.choice(len(truth), 2, replace=False)
@@ -564,7 +563,7 @@ def closed_gaps(rng: Rng, k: int, n: int, asks: int) -> Case:
     truth = draw_truth(rng, k - 1)
     dead = rng.random(k - 1) < 0.4
     dead[rng.integers(k - 1)] = False
-    kept = sum((g for g, gone in zip(truth, dead, strict=True) if not gone), Fraction(0))
+    kept = added(g for g, gone in zip(truth, dead, strict=True) if not gone)
     truth = [Fraction(0) if gone else g / kept for g, gone in zip(truth, dead, strict=True)]
     flat = np.array(
         [from_tails(np.where(np.arange(k - 1) == j, 1.0, 0.0)) for j in np.flatnonzero(dead)]
@@ -652,7 +651,7 @@ def exactly(r: floats.Region) -> Region:
 def normalised(g: Any) -> Rationals:
     """Return floats g divided by their total, exactly."""
     numbers = exact(g)
-    total = sum(numbers, Fraction(0))
+    total = added(numbers)
     return [x / total for x in numbers]
 
 
